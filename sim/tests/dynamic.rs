@@ -3,9 +3,15 @@
 use sim::bench::boom::BoomResult;
 use sim::bench::{Bench, Mode, World};
 use sim::campaign::{self, Outcome, draw};
+use sim::excavator::ExcavatorSetup;
+use sim::fault::{RateFault, SensorFault};
 use sim::rig::Mount;
-use sim::trial::Setup;
+use sim::rng::Rng;
 use sim::trial::checks::REACTION_S;
+use sim::trial::checks::detection::Blame;
+use sim::trial::inject::{Injection, What};
+use sim::trial::pool::Pool;
+use sim::trial::{self, Setup};
 
 /// A unit through chamber, motor and turns, switched off and on; the first of the tables.
 fn commissioned() -> Bench {
@@ -99,6 +105,34 @@ fn a_disagreement_left_both_with_what_a_fault_had_taught_their_estimators() {
 #[test]
 fn an_offset_of_one_node_passed_for_what_motion_leaves_unknown() {
     all_pass([1440, 1737]);
+}
+
+/// A channel that began anew in the dispute took its gyroscope for one without bias, and the pair
+/// then named the healthy one.
+#[test]
+fn a_scale_error_while_digging_named_the_healthy_channel() {
+    const UNIT: u32 = 3;
+    let pool = Pool::of(&[(Mode::Dynamic, UNIT)]).expect("a sound unit");
+    for seed in [23, 43, 67, 87, 107] {
+        let from_s = Rng::stream(seed, "gyroscope fault").range(20.0, 30.0);
+        let fault = SensorFault::Gyroscope(RateFault::Scale { ratio: -0.05 });
+        let setup = Setup {
+            mode: Mode::Dynamic,
+            unit: UNIT,
+            power_cycles: (seed % 5) as u32,
+            machine: ExcavatorSetup::NOMINAL,
+            faults: vec![Injection {
+                what: What::Sensor(fault),
+                channel: (seed % 2) as usize,
+                from_s,
+                until_s: from_s + 40.0,
+            }],
+            ..Setup::healthy(seed)
+        };
+        let report = trial::run(&setup, &pool, |_| {}).expect("a unit of the pool");
+        let blame = report.detections[0].blame();
+        assert_ne!(blame, Blame::Wrong, "seed {seed}");
+    }
 }
 
 fn all_pass<const N: usize>(seeds: [u64; N]) {

@@ -192,6 +192,11 @@ impl Default for GravityState {
 }
 
 impl GravityState {
+    /// The two differ, or have done so lately.
+    pub(super) const fn is_disputed(&self) -> bool {
+        self.dispute.is_some()
+    }
+
     /// There was no pair: everything begins anew.
     pub fn restart(&mut self) {
         *self = Self::default();

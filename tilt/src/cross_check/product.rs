@@ -163,6 +163,7 @@ impl ProductState {
         now: Instant,
     ) -> ([Option<Against>; 2], Option<Invalid>) {
         let patience_us = self.patience_us(absent, now);
+        let disagree = self.findings.disagree();
         let mut against = [None; 2];
         let mut waiting = None;
         let whys = absent.into_iter().zip(measure);
@@ -174,7 +175,8 @@ impl ProductState {
                 true => silence.follows_for(now, FOLLOWING_PATIENCE_US),
                 false => silence.lasts_for(now, patience_us),
             };
-            match why {
+            // Both begin anew for as long as they disagree: neither is looking for its vertical.
+            match why.filter(|_| !(measures && disagree)) {
                 None => silence.hear(now),
                 Some(why) if why.is_transient() && !lasts() => {
                     waiting = Some(why);

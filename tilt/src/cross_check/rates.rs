@@ -171,7 +171,10 @@ impl RateCheck {
             return found;
         };
         found.differ = self.differ(&mut state.residual, turned, shaken, elapsed_us);
-        if !found.differ && a.bias.is_some() {
+        // What the estimator finds during a dispute may come from the fault, or from no more than
+        // the moment since it began anew.
+        let learns = !(found.differ || state.gravity.is_disputed());
+        if learns && a.bias.is_some() {
             state.bias = a.bias;
         }
         let differs = match (found.differ, differ) {
