@@ -113,8 +113,14 @@ class Chain:
         self._chain.reset()
 
     def counts(self, accel_g: npt.ArrayLike) -> npt.NDArray[np.int16]:
-        """Accelerations in g as counts, clipped at the ends of the range."""
-        counts = np.round(np.asarray(accel_g, dtype=np.float64) * self.counts_per_g)
+        """Accelerations in g as counts, clipped at the ends of the range.
+
+        Errors: `Error` where one is not finite: a sample that is missing has no value.
+        """
+        given = np.asarray(accel_g, dtype=np.float64)
+        if not np.isfinite(given).all():
+            raise Error("accel_g has values that are not finite: leave these samples out")
+        counts = np.round(given * self.counts_per_g)
         return np.clip(counts, -(2**15), 2**15 - 1).astype(np.int16)
 
     def run(
@@ -139,7 +145,7 @@ class Chain:
         if counts is not None and accel_g is None:
             samples = _triples(counts, np.int16, "counts")
         elif accel_g is not None and counts is None:
-            samples = _triples(self.counts(accel_g), np.int16, "counts")
+            samples = _triples(self.counts(accel_g), np.int16, "accel_g")
         else:
             raise Error("give either counts or accel_g")
         if times_us is None:
@@ -218,6 +224,9 @@ def _temperatures(given: npt.ArrayLike | float | None, samples: int) -> npt.NDAr
     if given is None:
         return None
     array = np.asarray(given, dtype=np.float64)
+    # NaN in an array is a temperature that was not read; one value is one that was.
+    if np.isinf(array).any() or (array.ndim == 0 and np.isnan(array)):
+        raise Error("temperature_degc has values that are no temperature")
     if array.ndim == 0:
         once = np.full(samples, np.nan)
         once[:1] = array

@@ -21,6 +21,17 @@ def paths(given: Path | Iterable[Path]) -> list[str]:
     return [os.fspath(path) for path in given]
 
 
+def logs_of(given: Path | Iterable[Path]) -> list[str]:
+    """The same of logs.
+
+    Errors: `Error` where there is none.
+    """
+    found = paths(given)
+    if not found:
+        raise Error("there is no log: give at least one")
+    return found
+
+
 @dataclass(frozen=True)
 class Skipped:
     """Lines of one kind that gave no frame."""
@@ -124,4 +135,4 @@ def decode(
     since the first frame, or a date as 2026-11-22T12:30:00.
     """
     sheets = [] if eds is None else paths(eds)
-    return Decoded(Decoder(paths(log), sheets, list(nodes), channel, begin, end))
+    return Decoded(Decoder(logs_of(log), sheets, list(nodes), channel, begin, end))

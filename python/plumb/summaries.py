@@ -8,9 +8,9 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from . import _plumb
-from ._plumb import IncompleteWarning
+from ._plumb import Error, IncompleteWarning
 from .logs import Path as Log
-from .logs import paths
+from .logs import logs_of, paths
 
 
 def summarise(
@@ -25,7 +25,7 @@ def summarise(
     read is told by an `IncompleteWarning`.
     """
     sheets = [] if eds is None else paths(eds)
-    summary, incomplete = _plumb.summarise(paths(log), sheets, list(nodes))
+    summary, incomplete = _plumb.summarise(logs_of(log), sheets, list(nodes))
     if incomplete is not None:
         warnings.warn(incomplete, IncompleteWarning, stacklevel=2)
     return summary
@@ -33,6 +33,8 @@ def summarise(
 
 def merge(summaries: Iterable[bytes]) -> bytes:
     """The summary of all these, the same bytes in any order and in any groups."""
+    if isinstance(summaries, (bytes, bytearray)):
+        raise Error("merge takes a list of summaries, and not one alone")
     return _plumb.merge(list(summaries))
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from typing import Callable, Iterable, NamedTuple
 
@@ -9,6 +10,20 @@ from . import _plumb
 from ._plumb import Error
 
 NS = 1_000_000_000
+
+IDS = 1 << 29
+"""Identifiers that there are, with 29 bits."""
+
+
+def _ns(seconds: float, name: str) -> int:
+    """A time in ns.
+
+    Errors: `Error` where it is negative or not finite.
+    """
+    if not (math.isfinite(seconds) and seconds >= 0):
+        raise Error(f"{name} is a time from 0 on, and not {seconds}")
+    return round(seconds * NS)
+
 
 
 class Frame(NamedTuple):
@@ -56,6 +71,8 @@ class Client:
         length: int | None = None,
     ) -> None:
         """Puts a frame onto the bus; it goes out while virtual time goes on."""
+        if not 0 <= id < IDS:
+            raise Error(f"{id} is no identifier: give 0 to 7FFh, or to 1FFFFFFFh where extended")
         size = len(data) if length is None else length
         frame = (id, extended, remote, size, bytes(data))
         if not self._twin._world.send(self.number, frame):
@@ -125,11 +142,12 @@ class Twin:
 
     def run(self, seconds: float) -> list[Frame]:
         """Goes on by this much virtual time; the frames since the last call."""
+        _ns(seconds, "seconds")
         return self.run_until(self.now_s + seconds)
 
     def run_until(self, time_s: float) -> list[Frame]:
         """Goes on to this virtual time; the frames since the last call."""
-        self._go(round(time_s * NS))
+        self._go(_ns(time_s, "time_s"))
         frames = list(self._own.waiting)
         self._own.waiting.clear()
         return frames
@@ -142,7 +160,7 @@ class Twin:
         The first such frame, also of those that wait already, or None. Frames before it are let go,
         those behind it come next.
         """
-        end_ns = self._world.now_ns + round(timeout_s * NS)
+        end_ns = self._world.now_ns + _ns(timeout_s, "timeout_s")
         while True:
             while self._own.waiting:
                 frame = self._own.waiting.popleft()

@@ -137,6 +137,18 @@ def test_a_motor_finds_a_crooked_part() -> None:
         (lambda: plumb.Chain().run([[1, 2]]), "counts is an array of n x 3"),
         (lambda: plumb.Chain().run([[1, 2, 40_000]]), "counts has values that int16 can't hold"),
         (lambda: plumb.Chain().run([[1, 2, 3]], [1, 2]), "there are 1 samples and 2 of times_us"),
+        # It was taken for an acceleration of 0, and gave a valid angle.
+        (lambda: plumb.Chain().run(accel_g=[[0, 0, math.nan]]), "accel_g has values that are not"),
+        (lambda: plumb.Chain().run(accel_g=[[0, 0, math.inf]]), "accel_g has values that are not"),
+        (lambda: plumb.Chain().run(accel_g=[[0, 0]]), "accel_g is an array of n x 3"),
+        (
+            lambda: plumb.Chain().run(accel_g=[[0, 0, 1]], temperature_degc=math.nan),
+            "temperature_degc has values that are no temperature",
+        ),
+        (
+            lambda: plumb.Chain().run(accel_g=[[0, 0, 1]], temperature_degc=[math.inf]),
+            "temperature_degc has values that are no temperature",
+        ),
         (lambda: plumb.fit_poses(sphere()[:5]), "5 readings do not determine the fit; take at"),
         (lambda: plumb.fit_motor(["z"], [0.0], [[0, 0, 1]]), 'slope is "x" or "y" for each stand'),
         (lambda: plumb.fit_motor("x", [0.0], [[0, 0, 1]], "paper"), "paper mode has tables"),

@@ -163,6 +163,11 @@ def test_nothing_to_merge_or_to_summarise_is_told(
 ) -> None:
     with pytest.raises(plumb.Error, match="there is no summary to merge"):
         plumb.merge([])
+    for what in (plumb.summarise, plumb.decode):
+        with pytest.raises(plumb.Error, match="there is no log: give at least one"):
+            what([])
+    with pytest.raises(plumb.Error, match="merge takes a list of summaries"):
+        plumb.merge(b"one alone")
     with pytest.raises(plumb.Error) as told:
         plumb.summarise(tmp_path)
     assert str(told.value) == sentence(program, "report", tmp_path, "--out", tmp_path / "out")

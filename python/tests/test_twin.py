@@ -153,6 +153,14 @@ def test_python_canopen_reads_an_object_beside_virtual_time() -> None:
         (lambda: plumb.Twin(calibrated=False).say("pitch 300"), "write pitch DEGREES"),
         (lambda: plumb.Twin(calibrated=False).send(0x800), "this is no CAN frame"),
         (lambda: plumb.Twin(calibrated=False).send(1, bytes(9)), "this is no CAN frame"),
+        (lambda: plumb.Twin(calibrated=False).send(-1), "-1 is no identifier"),
+        (lambda: plumb.Twin(calibrated=False).run(-1.0), "seconds is a time from 0 on"),
+        (lambda: plumb.Twin(calibrated=False).run(float("nan")), "seconds is a time from 0 on"),
+        (lambda: plumb.Twin(calibrated=False).run_until(float("inf")), "time_s is a time from"),
+        (
+            lambda: plumb.Twin(calibrated=False).wait_for(lambda _: True, -1.0),
+            "timeout_s is a time from 0 on",
+        ),
     ],
 )
 def test_what_is_wrong_is_told_in_a_sentence(what, words: str) -> None:

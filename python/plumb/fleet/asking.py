@@ -61,6 +61,11 @@ class Figures:
             return self._base.sql(text, params=used or None).to_arrow_table()
         except (self._refusal, AttributeError) as why:
             raise FleetError(f"DuckDB can't answer the question: {first_line(why)}") from None
+        except RuntimeError as why:
+            # So DuckDB passes on the interruption that ends its query.
+            if "interrupted" in str(why):
+                raise KeyboardInterrupt from None
+            raise
 
     def rows(self, question: str, **parameters: Any) -> list[dict[str, Any]]:
         """The same as a list of rows."""

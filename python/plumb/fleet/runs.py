@@ -23,6 +23,9 @@ from .figures import SCHEMA, rows
 from .store import SUMMARIES, Store, owned, write_table
 from .visits import Rules
 
+NODES = 127
+"""The greatest node-id (CiA 301, 7.2.1)."""
+
 Progress = Callable[[str, int, int, float, float], None]
 """Called with the stage, the jobs that are done and all of them, and the same of the work."""
 
@@ -79,8 +82,8 @@ def run(
     Errors: `FleetError` with one sentence; what was there before is still there.
     """
     folder = pathlib.Path(out)
+    how = work.How(_pairs(nodes), tuple(os.path.abspath(sheet) for sheet in eds))
     found = _found(logs, pattern, manifest, folder)
-    how = work.How(tuple(nodes), tuple(os.path.abspath(sheet) for sheet in eds))
     try:
         store = Store(folder, how.key)
     except OSError as why:
@@ -101,6 +104,20 @@ def run(
         store.end_journal()
         made = page.write(store, rules, lines)
     return _outcome(made, lines, days, len(todo), len(entries))
+
+
+def _pairs(nodes: Iterable[int]) -> tuple[int, ...]:
+    """The nodes of the instruments, A, B, A, B.
+
+    Errors: `FleetError` where one is no node-id, or has no partner.
+    """
+    given = tuple(nodes)
+    for node in given:
+        if not 1 <= node <= NODES:
+            raise FleetError(f"{node} is no node-id: give 1 to {NODES}")
+    if len(given) % 2:
+        raise FleetError("each instrument has two nodes, A and B: write them as 1,2")
+    return given
 
 
 def _found(

@@ -175,7 +175,14 @@ def opened(scheduler: str | Place | None, workers: int) -> Iterator[Place]:
 @contextlib.contextmanager
 def _client(address: str) -> Iterator[Any]:
     from distributed import Client
+    from distributed.comm import get_address_host_port
 
+    try:
+        get_address_host_port(address)
+    except ValueError:
+        raise FleetError(
+            f"{address} is no address of a Dask scheduler: write it as tcp://host:8786"
+        ) from None
     try:
         client = Client(address, timeout=ANSWER_S, set_as_default=False)
     except (OSError, TimeoutError, ValueError):

@@ -42,6 +42,8 @@ class Rules:
     def __post_init__(self) -> None:
         if self.today is not None and day_of(self.today) != self.today:
             raise FleetError(f"{self.today} is no day such as 2026-11-20")
+        if self.band_deg is not None and not 0 < self.band_deg < 360:
+            raise FleetError(f"{self.band_deg} deg is no band: give half of it, more than 0 deg")
 
     def parameters(self) -> dict[str, Any]:
         """What the questions are given."""
