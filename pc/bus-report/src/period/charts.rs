@@ -121,6 +121,19 @@ fn over_time(report: &PeriodReport, id: String, title: &str, y: &str, plots: Vec
     }
 }
 
+/// The bands of both channels, of those that have one.
+fn of_channels(
+    instrument: &InstrumentReport,
+    bins: impl Fn(&ChannelReport) -> Option<&[Bin]>,
+) -> Vec<Plot> {
+    let channels = instrument.channels.iter().zip(INKS);
+    let plots = channels.filter_map(|(channel, ink)| {
+        let name = format!("Channel {}", channel.channel);
+        Some(Plot::new(name, ink, band(bins(channel)?)))
+    });
+    plots.collect()
+}
+
 /// As figure 20: warnings and faults per day, days without data shaded.
 pub fn per_day(instrument: &InstrumentReport) -> Chart {
     let days = &instrument.days;
@@ -173,20 +186,12 @@ fn short(day: &str) -> String {
 /// The slopes over time.
 pub fn slopes(report: &PeriodReport, instrument: &InstrumentReport) -> Vec<Chart> {
     let one = |axis: usize, name: &str| {
-        let plots = instrument
-            .channels
-            .iter()
-            .zip(INKS)
-            .filter_map(|(channel, ink)| {
-                let slope = channel
-                    .slopes
-                    .get(axis)
-                    .filter(|slope| slope.values.count > 0)?;
-                let name = format!("Channel {}", channel.channel);
-                Some(Plot::new(name, ink, band(&slope.bins)))
-            });
+        let plots = of_channels(instrument, |channel| {
+            let slope = channel.slopes.get(axis)?;
+            (slope.values.count > 0).then_some(slope.bins.as_slice())
+        });
         let id = format!("slope-{}-{}", name.to_lowercase(), instrument.number);
-        over_time(report, id, &format!("Slope {name}"), "deg", plots.collect())
+        over_time(report, id, &format!("Slope {name}"), "deg", plots)
     };
     vec![one(0, "X"), one(1, "Y")]
 }
@@ -248,14 +253,10 @@ pub fn difference(report: &PeriodReport, instrument: &InstrumentReport) -> Chart
 /// Uncertainty and temperature over time.
 pub fn quantities(report: &PeriodReport, instrument: &InstrumentReport) -> Vec<Chart> {
     let plots = |of: fn(&ChannelReport) -> &QuantityReport| {
-        let channels = instrument.channels.iter().zip(INKS);
-        channels
-            .filter(|(channel, _)| of(channel).count > 0)
-            .map(|(channel, ink)| {
-                let name = format!("Channel {}", channel.channel);
-                Plot::new(name, ink, band(&of(channel).bins))
-            })
-            .collect::<Vec<_>>()
+        of_channels(instrument, |channel| {
+            let quantity = of(channel);
+            (quantity.count > 0).then_some(quantity.bins.as_slice())
+        })
     };
     let number = instrument.number;
     let mut charts = vec![
@@ -290,13 +291,7 @@ pub fn quantities(report: &PeriodReport, instrument: &InstrumentReport) -> Vec<C
 /// Rates of turn and the uncertainty of the angle now over time, where there is a gyroscope.
 pub fn motion(report: &PeriodReport, instrument: &InstrumentReport) -> Vec<Chart> {
     let plots = |of: fn(&MotionReport) -> &[Bin]| {
-        let channels = instrument.channels.iter().zip(INKS);
-        let plots = channels.filter_map(|(channel, ink)| {
-            let motion = channel.motion.as_ref()?;
-            let name = format!("Channel {}", channel.channel);
-            Some(Plot::new(name, ink, band(of(motion))))
-        });
-        plots.collect::<Vec<_>>()
+        of_channels(instrument, |channel| channel.motion.as_ref().map(of))
     };
     let number = instrument.number;
     vec![
