@@ -282,13 +282,18 @@ PROOF_S = 0.7
 """A channel goes on alone when it has agreed with the other one for half a second."""
 
 
-def loosen(plumb: Plumb, master: Master) -> None:
-    """B's board comes loose while both are in PRE-OPERATIONAL: nobody sees which one moves."""
+def unseen(plumb: Plumb, master: Master, line: str) -> None:
+    """What is typed happens while both are in PRE-OPERATIONAL: nobody sees a channel move."""
     master.nmt(PRE_OPERATIONAL)
     master.settle()
-    plumb.type("fault b offset 20")
+    plumb.type(line)
     time.sleep(0.5)
     master.nmt(START)
+
+
+def loosen(plumb: Plumb, master: Master) -> None:
+    """B's board comes loose, and nobody sees which one moves."""
+    unseen(plumb, master, "fault b offset 20")
 
 
 def until(condition: Callable[[], Any], what: str, timeout: float = 6.0) -> Any:

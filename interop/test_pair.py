@@ -18,6 +18,7 @@ from master import (
     loosen,
     signed,
     slopes,
+    unseen,
     until,
 )
 
@@ -303,9 +304,25 @@ def test_a_loose_board_is_a_disagreement_that_accuses_nobody(
         assert int.from_bytes(told[3:6], "little") == 1 << 12 and told[6:] == bytes([0, DISAGREE])
         assert pair.read(node, 0x2021) == DISAGREE
         assert verdict(pair, node) == [0, 0]
-    plumb.type("heal b")
+    unseen(plumb, pair, "heal b")
     time.sleep(0.5)
     assert pair.read(1, 0x2021) == DISAGREE, "latched until a reset"
+    pair.reset()
+    begin(pair)
+
+
+def test_a_loose_board_that_goes_back_is_named_because_it_is_seen(
+    plumb: Plumb, pair: Master
+) -> None:
+    mark = pair.mark()
+    loosen(plumb, pair)
+    for node in (1, 2):
+        emcy(pair, mark, node, DISAGREE_CODE)
+    time.sleep(PROOF_S)
+    plumb.type("heal b")
+    emcy(pair, mark, 1, OTHER_CODE)
+    assert emcy(pair, mark, 2, BIASED_CODE)[6] == 1 << 6 | BIASED
+    assert [verdict(pair, node) for node in (1, 2)] == [[2, BIASED], [1, BIASED]]
     pair.reset()
     begin(pair)
 
