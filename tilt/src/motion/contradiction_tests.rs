@@ -150,9 +150,9 @@ fn a_start_while_the_boom_moves_states_what_it_deserves() {
 fn a_wrong_vertical_was_believed_for_as_long_as_the_machine_moved() {
     let stroke = |hz: f64, t: f64| (2.0 * core::f64::consts::PI * hz * t).sin();
     let rate = |t: f64| [0.0, 0.4 * stroke(0.15, t) + 0.25 * stroke(0.3, t), 0.0];
-    // A smaller error gives the housing no velocity that is more than a machine's.
-    for (e, least_deg) in [(CALIBRATED, 5.0), (Expected::INDUSTRIAL, 10.0)] {
-        for wrong_deg in [least_deg, 15.0f64, 30.0, 60.0, 90.0, 170.0] {
+    for e in [CALIBRATED, Expected::INDUSTRIAL] {
+        // A smaller error gives the housing no velocity that is more than a machine's.
+        for wrong_deg in [15.0f64, 30.0, 60.0, 90.0, 170.0] {
             let mut channel = Channel::new(&e, [0.0, 0.0, 1.0], [3.0, 0.0, 0.3]);
             channel.run(10.0, |_| STILL);
             channel.run(10.0, rate);
@@ -170,11 +170,57 @@ fn a_wrong_vertical_was_believed_for_as_long_as_the_machine_moved() {
     }
 }
 
+impl Channel {
+    /// Gains speed along y for so long, on ground that shakes it by `rough` (g). The vertical is
+    /// within twice its uncertainty wherever there is one, as there is at the end.
+    fn drive(&mut self, (accel, seconds): (f64, f64), rough: f64) {
+        let mut last = Err(Invalid::NoSample);
+        for n in 0..(seconds / CALIBRATED.period_s) as u32 {
+            let t = f64::from(n) * CALIBRATED.period_s;
+            let [x, y] = [40.0, 23.0].map(|angular| rough * f64::sin(angular * t));
+            self.blow = [x, accel + y, 0.0];
+            last = self.step(STILL);
+            let wrong = last.is_ok_and(|(error, stated)| error > 2.0 * stated);
+            assert!(!wrong, "{accel} g, rough {rough}, after {t} s: {last:?}");
+        }
+        assert!(accel != 0.0 || last.is_ok(), "{last:?}");
+    }
+}
+
+/// A wheel loader that braked from 5 m/s on rough ground was 7 deg off at its standstill: its speed
+/// had counted as that of a wrong vertical.
+#[test]
+fn a_machine_that_drives_off_and_brakes_keeps_its_vertical() {
+    const SPEEDS: [f64; 4] = [0.3, 0.5, 0.75, 1.0];
+    let accelerations = [0.1, 0.15, 0.2, 0.25, 0.3, 0.5, 1.0];
+    let drives = accelerations.map(|accel| SPEEDS.map(|speed| (accel, speed / accel)));
+    for (accel, seconds) in drives.into_iter().flatten() {
+        for rough in [0.0, 0.05] {
+            // A steady acceleration for longer looks like tilt.
+            if rough == 0.0 && seconds > 3.0 {
+                continue;
+            }
+            for e in [CALIBRATED, Expected::INDUSTRIAL] {
+                let mut channel = Channel::new(&e, [0.0, 0.0, 1.0], STILL);
+                channel.run(10.0, |_| STILL);
+                for stretch in [
+                    (accel, seconds),
+                    (0.0, 10.0),
+                    (-accel, seconds),
+                    (0.0, 10.0),
+                ] {
+                    channel.drive(stretch, rough);
+                }
+            }
+        }
+    }
+}
+
 /// No machine of the scenes, and nobody who carries a sensor (BROAD), is as fast as what counts as
 /// a wrong vertical; a start in motion is not, either.
 #[test]
 fn a_machine_that_moves_as_fast_as_it_may_keeps_its_vertical() {
-    for (e, speed) in [(CALIBRATED, 0.35), (Expected::INDUSTRIAL, 0.6)] {
+    for (e, speed) in [(CALIBRATED, 1.2), (Expected::INDUSTRIAL, 1.2)] {
         let mut channel = Channel::new(&e, [0.0, 0.0, 1.0], STILL);
         channel.run(10.0, |_| STILL);
         let mut invalid = 0;
