@@ -1,6 +1,6 @@
 //! A part with noise, whose registers a world carries along.
 
-#[path = "../registers/mod.rs"]
+#[path = "../on_a_bus/registers.rs"]
 mod registers;
 
 pub use registers::{Hurry, delivered, factory};

@@ -8,7 +8,7 @@
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use chrono::{DateTime, SecondsFormat};
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 /// Name of the format.
 pub const FORMAT: &str = "plumb-calibrate";
@@ -17,7 +17,7 @@ pub const FORMAT: &str = "plumb-calibrate";
 pub const VERSION: u32 = 1;
 
 /// How the calibration was made.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Method {
     /// A motor turned the housing; parameters were fitted on the host.
@@ -33,7 +33,7 @@ pub enum Method {
 }
 
 /// The reference and what is known of it.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Reference {
     /// What it is, as it names itself.
     pub name: String,
@@ -44,7 +44,7 @@ pub struct Reference {
 }
 
 /// The surroundings.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Environment {
     /// Lowest temperature that a sensor told.
     pub sensor_min_degc: Option<f64>,
@@ -55,7 +55,7 @@ pub struct Environment {
 }
 
 /// Whether the instrument is within its tolerance, and by which rule.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Decision {
     /// Largest error that is accepted, the expanded uncertainty included.
     pub tolerance_deg: f64,
@@ -68,7 +68,7 @@ pub struct Decision {
 }
 
 /// One angle.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Point {
     /// X or Y.
     pub axis: String,
@@ -83,7 +83,7 @@ pub struct Point {
 }
 
 /// One pose of a calibration by hand.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Pose {
     /// How the housing lay.
     pub words: String,
@@ -96,7 +96,7 @@ pub struct Pose {
 }
 
 /// One contribution to the uncertainty.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Contribution {
     /// What it is.
     pub name: String,
@@ -109,7 +109,7 @@ pub struct Contribution {
 }
 
 /// One coefficient of a temperature model, or of a gyroscope.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Coefficient {
     /// What it is.
     pub name: String,
@@ -120,12 +120,12 @@ pub struct Coefficient {
     /// Its unit.
     pub unit: String,
     /// Its expanded uncertainty (k = 2), where this calibration has found it.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub expanded: Option<f64>,
 }
 
 /// A turn that could not be used.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct LeftOut {
     /// Its number, from 1.
     pub turn: u32,
@@ -134,7 +134,7 @@ pub struct LeftOut {
 }
 
 /// The turns by which a gyroscope was calibrated, or was to be.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Turns {
     /// Turns that were used.
     pub used: u32,
@@ -152,7 +152,7 @@ pub struct Turns {
 }
 
 /// One dwell of a chamber run, of one channel.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ThermalDwell {
     /// Run, from 1.
     pub run: u32,
@@ -173,7 +173,7 @@ pub struct ThermalDwell {
 }
 
 /// What a chamber run has told of one channel.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Thermal {
     /// quadratic or piecewise.
     pub model: String,
@@ -194,12 +194,12 @@ pub struct Thermal {
     /// The dwells.
     pub dwells: Vec<ThermalDwell>,
     /// The bias of the gyroscope; none where there is no gyroscope.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub gyroscope_bias: Option<GyroscopeBias>,
 }
 
 /// How the bias of a gyroscope over temperature was found.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct GyroscopeBias {
     /// Rests that went into it.
     pub rests: u32,
@@ -217,7 +217,7 @@ pub struct GyroscopeBias {
 }
 
 /// One channel.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Channel {
     /// A or B.
     pub channel: String,
@@ -258,10 +258,9 @@ pub struct Channel {
     /// By a chamber: the temperature model.
     pub thermal: Option<Thermal>,
     /// What the calibration as left has of a gyroscope; none where it has none.
-    #[serde(default)]
     pub gyroscope: Option<Vec<Coefficient>>,
     /// The turns for it; none where nothing was turned for a gyroscope.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub gyroscope_turns: Option<Turns>,
     /// Uncertainty of the errors as left.
     pub uncertainty: Vec<Contribution>,
@@ -272,7 +271,7 @@ pub struct Channel {
 }
 
 /// Both channels at one angle.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Difference {
     /// X or Y.
     pub axis: String,
@@ -283,7 +282,7 @@ pub struct Difference {
 }
 
 /// What the faces of the housing have told, by hand.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Faces {
     /// Tilt of the surface under the base.
     pub base_surface_deg: f64,
@@ -296,7 +295,7 @@ pub struct Faces {
 }
 
 /// The whole report.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Report {
     /// "plumb-calibrate".
     pub format: String,

@@ -13,9 +13,14 @@ use serde_json::Value;
 /// Every key of what is written as JSON, at any depth.
 pub fn keys(written: &impl Serialize) -> BTreeSet<String> {
     let mut found = BTreeSet::new();
-    let value = serde_json::to_value(written).expect("a value that JSON has");
-    gather(&value, &mut found);
+    gather(&as_written(written), &mut found);
     found
+}
+
+/// What is written as JSON, as a reader finds it.
+pub fn as_written(written: &impl Serialize) -> Value {
+    let text = crate::json::to_lines(written).expect("a value that JSON has");
+    serde_json::from_str(&text).expect("JSON")
 }
 
 fn gather(value: &Value, found: &mut BTreeSet<String>) {

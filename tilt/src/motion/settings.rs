@@ -48,8 +48,8 @@ pub struct Expected {
     /// The least velocity that a machine is believed to have while it moves, g s.
     pub least_speed: f64,
     /// Velocity that no machine has, g s, root mean square of both axes: what is seen beyond it has
-    /// come from a wrong vertical, which is found anew. The same happens to a machine that gains more
-    /// speed than that, and then its acceleration may be taken for tilt.
+    /// come from a wrong vertical, which is found anew. The same happens to a machine that gains
+    /// more speed than that, and then its acceleration may be taken for tilt.
     pub most_speed: f64,
     /// Rate about each axis below which it may be at rest, rad/s.
     pub rest_rate: f64,
@@ -79,8 +79,8 @@ impl Expected {
     /// A six-axis part of the industrial class, calibrated, at 400 samples/s.
     ///
     /// The figures of motion were found with recordings of a sensor carried by hand (BROAD, Data
-    /// 6(7):72, 2021); none of them needs to be right to better than a factor of two. A wheel loader
-    /// drives at 10 m/s \[ASSUME\].
+    /// 6(7):72, 2021); none of them needs to be right to better than a factor of two. A wheel
+    /// loader drives at 10 m/s \[ASSUME\].
     pub const INDUSTRIAL: Self = Self {
         period_s: 0.0025,
         delay_s: 0.0,

@@ -1,11 +1,11 @@
 //! `report.json`: every figure of a demo run, as named fields.
 //!
-//! In: what the demo measured. Out: plain structs that serde writes and reads; the format has a
+//! In: what the demo measured. Out: plain structs that serde writes; the format has a
 //! name and a version and each field is described, with its unit, in `docs/report-format.md`.
 //! A figure that was not obtained is `None`, written as `null`. Angles and errors are degrees.
 //! Drawing, printing and writing to disk are done by the modules beside this one.
 
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 use sim::rig::Mount;
 
 use output::series::{Bin, Point};
@@ -16,7 +16,7 @@ pub const FORMAT: &str = "plumb-report";
 pub const VERSION: u32 = 1;
 
 /// How the instrument computes its angle.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Mode {
     /// The paper's, read so that its own results hold: 50 Hz, one pole, one-axis tables, straight
@@ -30,7 +30,7 @@ pub enum Mode {
 }
 
 /// Which slope is measured.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Axis {
     /// Slope X, the paper's X axis (CiA 410 "long").
@@ -49,7 +49,7 @@ impl From<Mount> for Axis {
 }
 
 /// At which angles the static test stood.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Angles {
     /// Every 10 degrees, which are knots of the calibration table.
@@ -59,7 +59,7 @@ pub enum Angles {
 }
 
 /// How a fault period ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub enum Outcome {
     /// No fault was reported.
     #[serde(rename = "none")]
@@ -82,7 +82,7 @@ pub enum Outcome {
 }
 
 /// The two error types of the paper's Table I.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub enum ErrorType {
     /// Data of one node arrive late.
     #[serde(rename = "data delay")]
@@ -93,7 +93,7 @@ pub enum ErrorType {
 }
 
 /// How a value is held against its limit.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub enum Relation {
     /// Passes when value <= limit.
     #[serde(rename = "at most")]
@@ -107,7 +107,7 @@ pub enum Relation {
 }
 
 /// One line of the specification.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SpecificationRow {
     /// What is limited, in words.
     pub name: String,
@@ -145,7 +145,7 @@ impl SpecificationRow {
 }
 
 /// The static test of one node on one axis (paper Table II).
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct StaticRow {
     /// Chain in use.
     pub mode: Mode,
@@ -166,7 +166,7 @@ pub struct StaticRow {
 }
 
 /// The dynamic test of one node on one axis (paper Table III).
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct DynamicRow {
     /// Chain in use.
     pub mode: Mode,
@@ -193,7 +193,7 @@ pub struct DynamicRow {
 }
 
 /// One day on the excavator in one mode.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct WeekRow {
     /// Chain and cross-check in use.
     pub mode: Mode,
@@ -212,7 +212,7 @@ pub struct WeekRow {
 }
 
 /// The one-axis 360 degree instrument, product mode.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct OneAxisRow {
     /// Node, 1 or 2.
     pub node: u8,
@@ -225,7 +225,7 @@ pub struct OneAxisRow {
 }
 
 /// Calibration of one node and the verification round after it.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct CalibrationRow {
     /// Chain that was calibrated.
     pub mode: Mode,
@@ -246,7 +246,7 @@ pub struct CalibrationRow {
 }
 
 /// One line of the paper's Table I, provoked on purpose.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Table1Row {
     /// Cross-check in use.
     pub mode: Mode,
@@ -265,7 +265,7 @@ pub struct Table1Row {
 }
 
 /// A curve of one node over the angle or over time.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Curve {
     /// Chain in use.
     pub mode: Mode,
@@ -278,7 +278,7 @@ pub struct Curve {
 }
 
 /// What one node said during the dynamic test.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct NodeTrace {
     /// Node, 1 or 2.
     pub node: u8,
@@ -291,7 +291,7 @@ pub struct NodeTrace {
 }
 
 /// The first seconds of the dynamic test on one axis, lever arm 0 (paper Fig 17, 18).
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct DynamicTrace {
     /// Chain in use.
     pub mode: Mode,
@@ -304,7 +304,7 @@ pub struct DynamicTrace {
 }
 
 /// Difference between the nodes over one day (paper Fig 21).
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct DeltaTrace {
     /// Cross-check in use.
     pub mode: Mode,
@@ -315,7 +315,7 @@ pub struct DeltaTrace {
 }
 
 /// What the charts are drawn from. Fig 20 is drawn from `week`.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Figures {
     /// Fig 14 (X) and 15 (Y): angle - reference over the reference angle, on the 10 deg knots.
     pub static_error: Vec<Curve>,
@@ -328,7 +328,7 @@ pub struct Figures {
 }
 
 /// Everything `plumb demo` found; the content of `report.json`.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct DemoReport {
     /// Always [`FORMAT`].
     pub format: String,
@@ -412,19 +412,15 @@ pub fn word<T: Serialize>(value: T) -> String {
 
 #[cfg(test)]
 mod tests {
+    use output::check::as_written;
+    use serde_json::Value;
+
     use super::super::sample;
     use super::*;
 
     #[test]
-    fn a_report_reads_back_as_it_was_written() {
-        let report = sample::demo();
-        let text = serde_json::to_string(&report).unwrap();
-        assert_eq!(serde_json::from_str::<DemoReport>(&text).unwrap(), report);
-    }
-
-    #[test]
     fn the_keys_and_words_that_the_issue_names_are_there() {
-        let value = serde_json::to_value(sample::demo()).unwrap();
+        let value = as_written(&sample::demo());
         assert_eq!(value["format"], "plumb-report");
         assert_eq!(value["version"], 1);
         assert_eq!(value["within_specification"], true);
@@ -443,15 +439,13 @@ mod tests {
     }
 
     #[test]
-    fn a_number_that_is_not_finite_is_written_as_null_and_read_as_absent() {
+    fn a_number_that_is_not_finite_is_written_as_null() {
         let mut report = sample::demo();
         report.static_test[0].rmse_deg = Some(f64::NAN);
         report.dynamic[0].latency_ms = Some(f64::INFINITY);
-        let text = serde_json::to_string(&report).unwrap();
-        assert!(!text.contains("NaN") && !text.contains("inf"));
-        let read: DemoReport = serde_json::from_str(&text).unwrap();
-        assert_eq!(read.static_test[0].rmse_deg, None);
-        assert_eq!(read.dynamic[0].latency_ms, None);
+        let value = as_written(&report);
+        assert_eq!(value["static"][0]["rmse_deg"], Value::Null);
+        assert_eq!(value["dynamic"][0]["latency_ms"], Value::Null);
     }
 
     #[test]

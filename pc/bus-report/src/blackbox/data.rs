@@ -1,10 +1,10 @@
 //! What is told of a node's memory, for people and as JSON.
 //!
-//! In: decoded fault logs and boxes. Out: plain structs that serde writes and reads, described in
+//! In: decoded fault logs and boxes. Out: plain structs that serde writes, described in
 //! `docs/period-report.md`, and the table of a fault log. What is not known is `null`.
 
 use device::fault_log::Entry;
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 use super::decode::{FaultLog, Frame, Memory, Samples};
 use codes::words;
@@ -12,7 +12,7 @@ use output::series::rounded;
 use output::table::{Cell, Column, Table};
 
 /// What a node remembers, or what a file holds of it.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct MemoryReport {
     /// Where it comes from: a node of a bus, or a file.
     pub source: String,
@@ -27,7 +27,7 @@ pub struct MemoryReport {
 }
 
 /// An entry of a fault log.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct MemoryEntry {
     /// Time since the start of the node.
     pub since_start_s: f64,
@@ -54,7 +54,7 @@ pub struct MemoryEntry {
 }
 
 /// The SYNCs around an event.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct PlotReport {
     /// Counted from 1.
     pub number: usize,
@@ -69,7 +69,7 @@ pub struct PlotReport {
 }
 
 /// One SYNC of a plot.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct PlotRow {
     /// Time since the event.
     pub since_s: f64,

@@ -55,7 +55,7 @@ mod tests {
 
     #[test]
     fn a_page_has_visits_tables_and_charts_and_no_markup_out_of_text() {
-        let report: FleetReport = serde_json::from_str(REPORT).unwrap();
+        let report: FleetReport = serde_json::from_slice(REPORT.as_bytes()).unwrap();
         let page = page::page(&report);
         output::check::assert_balanced(&page);
         for wanted in [

@@ -1,6 +1,6 @@
 //! `report.json` of `plumb report`.
 //!
-//! In: what was collected. Out: plain structs that serde writes and reads; the format has a name
+//! In: what was collected. Out: plain structs that serde writes; the format has a name
 //! and a version, and each field is described, with its unit, in `docs/period-report.md`. Times
 //! are seconds since 1970 (UTC) or since the log's own time 0, as `clock` says. What is not known
 //! is `null`.
@@ -16,7 +16,7 @@ pub const FORMAT: &str = "plumb-period";
 pub const VERSION: u32 = 1;
 
 /// Everything `plumb report` found.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct PeriodReport {
     /// Always [`FORMAT`].
     pub format: String,
@@ -81,7 +81,7 @@ pub struct Skipped {
 }
 
 /// The bus.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct BusReport {
     /// The interface that logged it, such as `can0`.
     pub interface: String,
@@ -120,7 +120,7 @@ pub struct BusReport {
 }
 
 /// A node of no instrument.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ForeignNode {
     /// Its node-id, by the identifiers as delivered.
     pub node_id: u8,
@@ -129,7 +129,7 @@ pub struct ForeignNode {
 }
 
 /// Stretches without data.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct GapsReport {
     /// How many.
     pub count: u64,
@@ -140,7 +140,7 @@ pub struct GapsReport {
 }
 
 /// A stretch without data.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct GapReport {
     /// The last frame before it.
     pub from_s: f64,
@@ -151,7 +151,7 @@ pub struct GapReport {
 }
 
 /// An instrument.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct InstrumentReport {
     /// Counted from 1.
     pub number: usize,
@@ -184,7 +184,7 @@ pub struct InstrumentReport {
 }
 
 /// A channel.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ChannelReport {
     /// `A` or `B`.
     pub channel: String,
@@ -237,7 +237,7 @@ pub struct ChannelReport {
 }
 
 /// The motion of a channel with a gyroscope.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct MotionReport {
     /// Messages with the angle now (TPDO 5).
     pub angles: u64,
@@ -254,7 +254,7 @@ pub struct MotionReport {
 }
 
 /// A rate of turn.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct RateReport {
     /// `x`, `y` or `z`.
     pub axis: String,
@@ -271,7 +271,7 @@ pub struct RateReport {
 }
 
 /// Something that does not fit together.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FindingReport {
     /// What, in a word.
     pub check: String,
@@ -284,7 +284,7 @@ pub struct FindingReport {
 }
 
 /// The values of one axis, in figures.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct AxisFigures {
     /// `x` or `y`.
     pub axis: String,
@@ -305,7 +305,7 @@ pub struct AxisFigures {
 }
 
 /// A slope while it could be used.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SlopeReport {
     /// Its values.
     #[serde(flatten)]
@@ -315,7 +315,7 @@ pub struct SlopeReport {
 }
 
 /// A percentile.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Percentile {
     /// Share of the values, in per cent.
     pub percent: f64,
@@ -324,7 +324,7 @@ pub struct Percentile {
 }
 
 /// Time without a usable slope.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct UnusableReport {
     /// State of the pair (2021h).
     pub state: u8,
@@ -339,7 +339,7 @@ pub struct UnusableReport {
 }
 
 /// A quantity over time.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct QuantityReport {
     /// Values.
     pub count: u64,
@@ -354,7 +354,7 @@ pub struct QuantityReport {
 }
 
 /// How often a code came.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct CodeReport {
     /// EMCY code, such as `FF13h`.
     pub code: String,
@@ -365,7 +365,7 @@ pub struct CodeReport {
 }
 
 /// The difference of the two channels.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct DifferenceReport {
     /// SYNCs compared by TPDO 3, as measured.
     pub syncs_measured: u64,
@@ -390,7 +390,7 @@ pub struct DifferenceReport {
 }
 
 /// The difference on one axis.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SlopeDifference {
     /// Its values.
     #[serde(flatten)]
@@ -402,7 +402,7 @@ pub struct SlopeDifference {
 }
 
 /// A day.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct DayReport {
     /// `2026-11-20`, or `day 1` of a log without dates.
     pub day: String,
@@ -419,7 +419,7 @@ pub struct DayReport {
 }
 
 /// Events of a kind.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct KindReport {
     /// Which.
     pub kind: String,
@@ -428,7 +428,7 @@ pub struct KindReport {
 }
 
 /// An event.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct EventReport {
     /// When.
     pub time_s: f64,

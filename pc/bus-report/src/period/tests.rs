@@ -495,12 +495,9 @@ mod documented {
     }
 
     #[test]
-    fn it_reads_back_as_it_was_written() {
-        let report = super::full();
-        let text = serde_json::to_string(&report).unwrap();
+    fn it_begins_with_format_and_version() {
+        let text = serde_json::to_string(&super::full()).unwrap();
         assert!(text.starts_with("{\"format\":\"plumb-period\",\"version\":1,"));
-        let read: super::PeriodReport = serde_json::from_str(&text).unwrap();
-        assert_eq!(read, report);
     }
 }
 

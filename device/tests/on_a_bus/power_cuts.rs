@@ -4,9 +4,6 @@
 //! after the restart the device shows the old or the new, never a third, measures with it at once
 //! (R8), and stores again when asked.
 
-#[expect(dead_code, reason = "a store needs no peer and no time")]
-mod site;
-
 use canopen::object::{Value, at};
 use device::calibration::encoding::{MAX_LENGTH, identity, length, read_at};
 use device::fault::Fault;
@@ -20,7 +17,7 @@ use tilt::table::{Point, Rule, Table};
 use tilt::temperature::{Piecewise, TemperatureModel};
 use tilt::uncertainty::{Budget, Span, Uncertainty};
 
-use site::{Memory, Seeded, Site, along, blank};
+use crate::site::{self, Memory, Seeded, Site, along, blank};
 
 /// "save", 1010h.
 const SAVE: u32 = u32::from_le_bytes(*b"save");

@@ -2,20 +2,10 @@
 //!
 //! In: a healthy or unhealthy peer, and faults of the device's own. Out: what the bus is told.
 
-mod certainty;
-#[path = "../played/mod.rs"]
-mod played;
-#[expect(
-    dead_code,
-    reason = "only the memory of the other tests' site is of use here"
-)]
-#[path = "../site/mod.rs"]
-mod site;
-
+use crate::played::{Pair, level, tilted};
 use canopen::node::BusState;
 use canopen::object::{Value, at};
 use device::fault::Fault;
-use played::{Pair, level, tilted};
 use tilt::angle::Angle;
 use tilt::chain::{Correction, Invalid};
 use tilt::health::Activity;

@@ -4,9 +4,6 @@
 //! program runs after each reset, what the master is told, and that a loss of supply at any flash
 //! operation leaves the old program or the new one.
 
-#[expect(dead_code, reason = "an update needs no peer")]
-mod site;
-
 use canopen::object::{Address, Value, at};
 use device::objects::table::Channel;
 use embedded_storage::nor_flash::NorFlash;
@@ -15,7 +12,7 @@ use flash::image::{FIELDS, Header, Signature, Version};
 use flash::layout::{BASE, HEADER, PAGE, RC, Slot};
 use flash::slots::{MARKS, factory_marks};
 
-use site::{HARDWARE, Memory, Seeded, Site, along, blank};
+use crate::site::{HARDWARE, Memory, Seeded, Site, along, blank};
 
 const CONTROL: Address = at(0x1F51, 1);
 const STATUS: Address = at(0x1F57, 1);

@@ -2,16 +2,8 @@
 //!
 //! In: NMT, error control and exchange of a peer. Out: state and validity of TPDO 1, EMCY.
 
-#[expect(dead_code, reason = "nothing is configured here but the rule")]
-mod played;
-#[expect(
-    dead_code,
-    reason = "only the memory of the other tests' site is of use here"
-)]
-mod site;
-
+use crate::played::{Pair, level, tilted};
 use canopen::object::{Value, at};
-use played::{Pair, level, tilted};
 use tilt::chain::Invalid;
 
 /// OPERATIONAL and agreeing by the paper's rule, which counts from the reset behind its choice.

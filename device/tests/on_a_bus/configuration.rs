@@ -1,14 +1,11 @@
 //! What tools write when they configure a node: everything back as delivered, and safety frames.
 
-#[expect(dead_code, reason = "no time passes in most of these conversations")]
-mod site;
-
+use crate::site::Site;
 use canopen::object::{Access, Address, Value, at};
 use device::fault::Fault;
 use device::objects::row::Default;
 use device::objects::safety::VALID;
 use device::objects::table::{Channel, rows};
-use site::Site;
 
 const WRONG_STATE: u32 = 0x0800_0022;
 const OFF: u32 = 1 << 31;

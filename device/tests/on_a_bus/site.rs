@@ -1,8 +1,5 @@
 //! One device with a part that lies level, a memory, a master and a clock.
 
-#[path = "../registers/mod.rs"]
-pub mod registers;
-
 use canopen::Frame;
 use canopen::node::{BusState, UNCONFIGURED};
 use canopen::object::{Address, Value};
@@ -18,8 +15,8 @@ use flash::slots::{self, Decision};
 use instant::Instant;
 use tilt::cross_check::CrossCheck;
 
-pub use registers::delivered;
-use registers::{Hurry, Part};
+pub use crate::registers::delivered;
+use crate::registers::{self, Hurry, Part};
 
 /// The most frames that one instant can bring; counted in the tests of `canopen::node`, with one
 /// more EMCY queue for what the device finds wrong while frames go out.

@@ -6,9 +6,6 @@
 //! refused has changed nothing, one that is taken reads back, what is stored comes back, and a
 //! restore gives back what the rows promise.
 
-#[expect(dead_code, reason = "parameters need no long downloads")]
-mod site;
-
 use std::cell::RefCell;
 use std::collections::BTreeMap;
 
@@ -20,11 +17,11 @@ use canopen::srdo::SrdoState;
 use proptest::prelude::*;
 use proptest::test_runner::TestRunner;
 
+use crate::site::Site;
 use device::device::BoardRequest;
 use device::objects::row::{Default, Row};
 use device::objects::table::{Channel, Models, rows};
 use instant::Instant;
-use site::Site;
 
 const SAVE: u32 = canopen::storage::SAVE;
 const LOAD: u32 = canopen::storage::LOAD;

@@ -1,18 +1,15 @@
 //! The device's frames in the mailboxes of a controller that is played: what goes out and in which
 //! order, while frames are taken back, fail on the wire, or bus-off takes them all.
 
-#[expect(dead_code, reason = "the site's own bus takes every frame at once")]
-mod site;
-
 use std::collections::BTreeMap;
 
+use crate::site::Site;
 use canopen::Frame;
 use canopen::node::BusState;
 use device::mailboxes::{Abort, MAILBOXES, Mailboxes, Transmitter};
 use device::objects::table::Channel;
 use device::sensor::Config;
 use instant::Instant;
-use site::Site;
 
 const EMCY: u16 = 0x81;
 const SDO: u16 = 0x581;

@@ -2,18 +2,10 @@
 //!
 //! In: NMT, a housing that is turned, presets. Out: the angles and their reasons.
 
-#[expect(dead_code, reason = "nothing goes wrong here")]
-mod played;
-#[expect(
-    dead_code,
-    reason = "only the memory of the other tests' site is of use here"
-)]
-mod site;
-
+use crate::played::Pair;
 use canopen::object::{Value, at};
 use device::presentation::Presentation;
 use device::profile::{Parameter, Resolution, Slope};
-use played::Pair;
 
 #[test]
 fn outside_operational_the_angle_of_2010h_stood_at_the_last_sync() {

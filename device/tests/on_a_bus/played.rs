@@ -2,7 +2,7 @@
 //!
 //! In: registers, what the peer says, SYNCs. Out: every frame of the device, and an SDO client.
 
-use crate::site::registers::{Hurry, Part};
+use crate::registers::{Hurry, Part};
 use crate::site::{Memory, along, blank, factory};
 use canopen::Frame;
 use canopen::object::{Address, Value, at};

@@ -4,19 +4,11 @@
 //! In: a pair at work, whose other channel goes off by two degrees now and then. Out: both boxes as
 //! the bus shows them, and as the memory has them.
 
-#[expect(dead_code, reason = "boxes need part of what a pair can do")]
-mod played;
-#[expect(
-    dead_code,
-    reason = "only the memory of the other tests' site is of use here"
-)]
-mod site;
-
+use crate::played::{Pair, level, tilted};
+use crate::site::{self, Memory};
 use canopen::object::{Value, at};
 use device::fault::Fault;
 use device::records::{EventStore, Record, RecordStore};
-use played::{Pair, level, tilted};
-use site::Memory;
 use tilt::chain::Invalid;
 
 /// A pair at work with this memory. What is found ends after a second.
