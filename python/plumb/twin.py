@@ -25,7 +25,6 @@ def _ns(seconds: float, name: str) -> int:
     return round(seconds * NS)
 
 
-
 class Frame(NamedTuple):
     """A frame that was on the bus."""
 
@@ -159,8 +158,13 @@ class Twin:
 
         The first such frame, also of those that wait already, or None. Frames before it are let go,
         those behind it come next.
+
+        Errors: `Error` where a time is negative or not finite, or the step none.
         """
         end_ns = self._world.now_ns + _ns(timeout_s, "timeout_s")
+        step_ns = _ns(step_s, "step_s")
+        if step_ns == 0:
+            raise Error(f"step_s is a time of 1 ns or more, and not {step_s}")
         while True:
             while self._own.waiting:
                 frame = self._own.waiting.popleft()
@@ -169,7 +173,7 @@ class Twin:
             now_ns = self._world.now_ns
             if now_ns >= end_ns:
                 return None
-            self._go(min(end_ns, now_ns + round(step_s * NS)))
+            self._go(min(end_ns, now_ns + step_ns))
 
     def join(self, own: bool = False) -> Client:
         """One more client, which gets every frame from now on; its own too where `own` says so."""

@@ -193,6 +193,16 @@ def test_silent_days_count_from_the_first_day_to_today(tmp_path: pathlib.Path) -
     assert set(reasons(out, today=day(11))) == {"gone", "gap", "here"}
 
 
+def test_a_machine_whose_nodes_are_in_no_log_needed_no_visit(tmp_path: pathlib.Path) -> None:
+    rows = [row("here", 0), row("other nodes", 0, covered_s=0.0)]
+    rows += [row("gone", number, covered_s=3600.0 * (number == 0)) for number in range(2)]
+    out = folder(tmp_path, rows)
+    assert reasons(out, today=day(0)) == {"other nodes": ["silent"]}
+    assert reasons(out, today=day(1)) == {"other nodes": ["silent"]}
+    [visit] = visits(out, Rules(today=day(0)))
+    assert visit.reasons[0].text == f"no frame of its instruments in any log since {day(0)}"
+
+
 def test_faults_need_a_visit_where_they_stand_or_come_again(tmp_path: pathlib.Path) -> None:
     rows = [row("once", 9, fault_count=3), row("old", 0, fault_count=9, standing=1)]
     rows += [row("again", number, fault_count=1) for number in (5, 9)]

@@ -161,6 +161,10 @@ def test_python_canopen_reads_an_object_beside_virtual_time() -> None:
             lambda: plumb.Twin(calibrated=False).wait_for(lambda _: True, -1.0),
             "timeout_s is a time from 0 on",
         ),
+        (
+            lambda: plumb.Twin(calibrated=False).wait_for(lambda _: False, 1.0, step_s=0.0),
+            "step_s is a time of 1 ns or more",
+        ),
     ],
 )
 def test_what_is_wrong_is_told_in_a_sentence(what, words: str) -> None:

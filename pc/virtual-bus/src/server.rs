@@ -2,7 +2,9 @@
 //!
 //! In: all of them, ready. Out: the end. Virtual time is run up to the machine's time, then what
 //! clients have sent goes onto the bus at that very instant, then the loop waits for whatever
-//! comes first: a frame of a client, or the next thing that happens in the virtual world.
+//! comes first: a frame of a client, or the next thing that happens in the virtual world. Behind a
+//! frame of a client that is the next frame on the bus, since it may be the answer; else a
+//! millisecond is the least, and what comes within it goes out together.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -30,6 +32,14 @@ const TICK_NS: u64 = 1_000_000;
 /// The longest rest: typed words and Ctrl-C are looked for between rests.
 const LONGEST_REST: Duration = Duration::from_millis(20);
 
+/// For so long after a frame of a client, in virtual time, each frame goes out as it comes, ns: one
+/// of them may be the answer.
+const DIALOGUE_NS: u64 = 5_000_000;
+
+/// Else what comes within this time goes out together, as an adapter at a USB port does it: each
+/// frame by itself wakes a thread of every client, and every program that listens.
+const BUNDLE: Duration = Duration::from_millis(1);
+
 /// A rest that is not worth its system call.
 const SHORTEST_REST: Duration = Duration::from_micros(20);
 
@@ -51,6 +61,8 @@ pub struct Server {
     epoch_us: u64,
     told_late: bool,
     json: bool,
+    /// Virtual time at which a client last put a frame onto the bus, ns.
+    asked_ns: u64,
 }
 
 /// Why the run ends.
@@ -91,6 +103,7 @@ impl Server {
             epoch_us: 0,
             told_late: false,
             json: arguments.json,
+            asked_ns: 0,
         }
     }
 
@@ -245,6 +258,7 @@ impl Server {
         let Self { doors, stage, .. } = self;
         while let Some(incoming) = doors.hub.receive(|client| stage.has_room(client)) {
             stage.offer(incoming);
+            self.asked_ns = stage.network.now_ns();
         }
     }
 
@@ -257,9 +271,18 @@ impl Server {
             return;
         }
         let network = &self.stage.network;
-        let tick_ns = (network.now_ns() / TICK_NS + 1) * TICK_NS;
-        let next_ns = network.bus.next_event().map_or(tick_ns, |e| e.min(tick_ns));
-        let rest = self.pace.wait(Instant::now(), next_ns).min(LONGEST_REST);
+        let now_ns = network.now_ns();
+        let tick_ns = (now_ns / TICK_NS + 1) * TICK_NS;
+        let now = Instant::now();
+        let mut rest = self.pace.wait(now, tick_ns);
+        if rest.is_zero() {
+            return;
+        }
+        rest = rest.clamp(BUNDLE, LONGEST_REST);
+        if now_ns < self.asked_ns + DIALOGUE_NS {
+            let event_ns = network.bus.next_event().unwrap_or(u64::MAX);
+            rest = rest.min(self.pace.wait(now, event_ns));
+        }
         if rest < SHORTEST_REST {
             return;
         }

@@ -120,7 +120,10 @@ def _faults(figures: Figures, rules: Rules) -> Found:
 
 def _silence(figures: Figures, rules: Rules) -> Found:
     for row in figures.rows("silent", **rules.parameters()):
-        if row["silent_now"] >= rules.silent_days:
+        if row["last_day"] is None:
+            text = f"no frame of its instruments in any log since {row['first_day']}"
+            yield row["machine"], "silent", text
+        elif row["silent_now"] >= rules.silent_days:
             text = f"no data for {row['silent_now']} days, since {row['last_day']}"
             yield row["machine"], "silent", text
 

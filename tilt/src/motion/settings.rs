@@ -236,7 +236,7 @@ impl Motion {
             most_weight_q8: (2.0 * e.swing_s[1] / block_s * 256.0 + 0.5) as i64,
             start_speed: variance(e.start_speed, VELOCITY) as i64,
             least_speed: variance(e.least_speed, VELOCITY) as i64,
-            most_speed: variance(e.most_speed, VELOCITY),
+            most_speed: square(e.most_speed / VELOCITY),
             rest_variance: variance(e.rest_speed, VELOCITY),
             rest_turn: (e.rest_rate * block_s * 1_073_741_824.0) as u32,
             rest_gain: (e.rest_accel * block_s * 1_073_741_824.0) as i64,
@@ -294,8 +294,12 @@ impl Motion {
 
 /// Square of a standard deviation, which is below its unit; at least one step.
 const fn variance(deviation: f64, unit: f64) -> i32 {
-    let share = deviation / unit;
-    (share * share * 2_147_483_648.0) as i32 + 1
+    square(deviation / unit) + 1
+}
+
+/// Square of a share, 2^-31.
+const fn square(share: f64) -> i32 {
+    (share * share * 2_147_483_648.0) as i32
 }
 
 /// Square of an acceleration in g, 2^-52.
