@@ -2,7 +2,7 @@
 //!
 //! In: the binaries that `cargo test --no-run` has built. Out: the count of each as it ends, all
 //! that a failing one has printed, and those that took longest. Many tests wait for a bus in real
-//! time, and the cores are idle for most of it: four of a program run at once. Many compute: those
+//! time, and the cores are idle for most of it: three of a program run at once. Many compute: those
 //! run on a thread each, and give way to those that wait (`side_by_side`). Beside others that did
 //! not give way, a test of a bus failed in most runs, a different one each time.
 //!
@@ -203,7 +203,7 @@ fn kind(binary: &Binary) -> Kind {
 /// How many tests of a program run at once: one that waits leaves its core to others.
 const fn threads(kind: Kind) -> &'static str {
     match kind {
-        Kind::Waits => "4",
+        Kind::Waits => "3",
         Kind::Computes => "1",
     }
 }

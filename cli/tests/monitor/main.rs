@@ -370,13 +370,16 @@ fn the_page_says_where_it_is_and_serves_what_it_shows() {
     seen.until("both agree");
     let mut stream = TcpStream::connect(at).unwrap();
     write!(stream, "GET /events HTTP/1.1\r\nHost: {at}\r\n\r\n").unwrap();
-    let mut lines = BufReader::new(stream).lines();
-    let message = lines.find_map(|line| line.unwrap().strip_prefix("data: ").map(str::to_owned));
-    let message: Value = serde_json::from_str(&message.unwrap()).unwrap();
-    assert_eq!(
-        message["state"]["instruments"][0]["verdict"]["level"],
-        "good"
-    );
+    let lines = BufReader::new(stream).lines().map(Result::unwrap);
+    let states = lines.filter_map(|line| line.strip_prefix("data: ").map(str::to_owned));
+    let levels = states.map(|state| {
+        let state: Value = serde_json::from_str(&state).unwrap();
+        state["state"]["instruments"][0]["verdict"]["level"].clone()
+    });
+    // On a busy machine a SYNC may be late just then, and nothing is known until the next one.
+    let wait = Instant::now() + Duration::from_secs(20);
+    let mut levels = levels.take_while(|_| Instant::now() < wait);
+    assert!(levels.any(|level| level == "good"));
     let taken = bench.watch(&["--web", at]).output().unwrap();
     let (status, _, err) = said(&taken);
     assert_eq!(status, Some(2));
