@@ -4,7 +4,6 @@
 //! this image does not: it is embassy's, from clock set-up to bus-off.
 
 use std::sync::OnceLock;
-use std::time::Instant;
 
 use canopen::Frame;
 use emulator::board::{Board, Parts};
@@ -13,6 +12,7 @@ use emulator::chip::nvic::HARD_FAULT;
 use emulator::chip::rcc::Cause;
 use emulator::chip::system::Blame;
 use emulator::image::Image;
+use emulator::stopwatch::Stopwatch;
 use flash::layout::{PAGE, RC};
 use sim::can_bus::{Event, Port};
 use sim::electronics::Electronics;
@@ -234,9 +234,9 @@ fn two_runs_are_the_same_bit_for_bit() {
 fn two_boards_run_much_faster_than_time() {
     let mut pair = Pair::new(2);
     pair.run(0.5);
-    let begun = Instant::now();
+    let watch = Stopwatch::start();
     pair.run(10.0);
-    let times = 10.0 / begun.elapsed().as_secs_f64();
+    let times = 10.0 / watch.seconds();
     eprintln!("two emulated boards: {times:.0} times real time");
     // Measured beside everything else that a test run does; alone it is several times as much.
     assert!(times > 5.0);
