@@ -311,22 +311,6 @@ def test_a_loose_board_is_a_disagreement_that_accuses_nobody(
     begin(pair)
 
 
-def test_a_loose_board_that_goes_back_is_named_because_it_is_seen(
-    plumb: Plumb, pair: Master
-) -> None:
-    mark = pair.mark()
-    loosen(plumb, pair)
-    for node in (1, 2):
-        emcy(pair, mark, node, DISAGREE_CODE)
-    time.sleep(PROOF_S)
-    plumb.type("heal b")
-    emcy(pair, mark, 1, OTHER_CODE)
-    assert emcy(pair, mark, 2, BIASED_CODE)[6] == 1 << 6 | BIASED
-    assert [verdict(pair, node) for node in (1, 2)] == [[2, BIASED], [1, BIASED]]
-    pair.reset()
-    begin(pair)
-
-
 def test_no_angle_counts_before_the_first_comparison(master: Master) -> None:
     assert INVALID16 not in [master.read(1, index) for index in (0x6010, 0x6020)], "to set it up"
     master.nmt(START, 1)

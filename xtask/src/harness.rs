@@ -2,9 +2,9 @@
 //!
 //! In: the binaries that `cargo test --no-run` has built. Out: the count of each as it ends, all
 //! that a failing one has printed, and those that took longest. Many tests wait for a bus in real
-//! time, and the cores are idle for most of it: three of a program run at once. Many compute: those
-//! run on a thread each, and give way to those that wait (`side_by_side`). Beside others that did
-//! not give way, a test of a bus failed in most runs, a different one each time.
+//! time, and the cores are idle for most of it. Many compute: those run on a thread each, and give
+//! way to those that wait (`side_by_side`). Beside others that did not give way, a test of a bus
+//! failed in most runs, a different one each time.
 //!
 //! Left out: tests in documentation comments, which cargo runs by itself.
 
@@ -164,8 +164,10 @@ fn binary(message: &str) -> Option<Binary> {
 fn test(workspace: &Workspace, variables: &[(&str, &str)], binary: Binary) -> Ended {
     let program = binary.program.to_string_lossy();
     let mut command = workspace.program(&program, &[]);
+    if kind(&binary) == Kind::Computes {
+        command.args(["--test-threads", "1"]);
+    }
     command
-        .args(["--test-threads", threads(kind(&binary))])
         .arg("--show-output")
         .current_dir(&binary.folder)
         .env("CARGO_MANIFEST_DIR", &binary.folder)
@@ -197,14 +199,6 @@ fn kind(binary: &Binary) -> Kind {
         Kind::Waits
     } else {
         Kind::Computes
-    }
-}
-
-/// How many tests of a program run at once: one that waits leaves its core to others.
-const fn threads(kind: Kind) -> &'static str {
-    match kind {
-        Kind::Waits => "3",
-        Kind::Computes => "1",
     }
 }
 
