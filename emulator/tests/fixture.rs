@@ -238,7 +238,7 @@ fn two_boards_run_much_faster_than_time() {
     pair.run(10.0);
     let times = 10.0 / watch.seconds();
     eprintln!("two emulated boards: {times:.0} times real time");
-    // Measured beside everything else that a test run does; alone it is several times as much.
+    // Beside everything else that a test run does a core is half as fast as alone.
     assert!(times > 5.0);
 }
 

@@ -19,8 +19,12 @@ pub fn keys(written: &impl Serialize) -> BTreeSet<String> {
 
 /// What is written as JSON, as a reader finds it.
 pub fn as_written(written: &impl Serialize) -> Value {
-    let text = crate::json::to_lines(written).expect("a value that JSON has");
-    serde_json::from_str(&text).expect("JSON")
+    serde_json::from_str(&text(written)).expect("JSON")
+}
+
+/// The text of what is written as JSON.
+pub fn text(written: &impl Serialize) -> String {
+    crate::json::to_lines(written).expect("a value that JSON has")
 }
 
 fn gather(value: &Value, found: &mut BTreeSet<String>) {

@@ -258,9 +258,9 @@ mod tests {
     use super::super::sample;
 
     #[test]
-    fn a_replay_report_states_format_and_version() {
-        let report = output::check::as_written(&sample::replay());
-        assert_eq!(report["format"], "plumb-replay");
-        assert_eq!(report["version"], 1);
+    fn a_replay_report_begins_with_format_and_version() {
+        let text = output::check::text(&sample::replay());
+        let begin = "{\n  \"format\": \"plumb-replay\",\n  \"version\": 1,";
+        assert!(text.starts_with(begin), "{text}");
     }
 }
