@@ -68,4 +68,5 @@ fn script(binary: &str, layout: &Layout, program: Program) {
     println!("cargo::rustc-link-arg-bin={binary}=-Tlink.x");
     // Without it the linker pads segments to pages of an operating system.
     println!("cargo::rustc-link-arg-bin={binary}=--nmagic");
+    println!("cargo::rustc-link-arg-bin={binary}=--icf=all");
 }

@@ -357,6 +357,8 @@ impl Value {
     }
 
     /// The lowest `size` bytes of a number; more than eight count as eight.
+    // Once in the image.
+    #[cfg_attr(target_pointer_width = "32", inline(never))]
     pub fn cut(number: u64, size: usize) -> Self {
         let length = size.min(8) as u8;
         let beyond = 64 - 8 * u32::from(length);

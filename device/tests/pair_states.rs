@@ -1,7 +1,7 @@
 //! The pair in every state that it can be brought into, and in each of them every event.
 //!
-//! In: two devices on a bus, one of which may be biased, and a list of what a master, a fitter, the
-//! bus and a supply can do to either. Out: the search goes on until no event leads to a state that
+//! In: two devices on a bus, products or variants with a gyroscope, a sensor of one of which may be
+//! biased, and a list of what a master, a fitter, the bus and a supply can do to either. Out: the search goes on until no event leads to a state that
 //! was not there before, and every frame on the way is held against the rules of docs/safety.md:
 //! - an angle marked valid is right, or wrong for half a second in which both could be compared;
 //! - it was compared since its node was last away;
@@ -21,9 +21,11 @@ use std::cell::RefCell;
 use std::collections::{HashSet, VecDeque};
 use std::fmt::Write as _;
 
+use both::part::Kind;
 use both::{Heard, NODES, Policy, TICK_US, World};
 use device::fault::Fault;
 use instant::Instant;
+use tilt::angle::Axes;
 
 /// How long a wrong angle may be marked valid while both can be compared, us.
 const REACTION_US: i64 = 500_000;
@@ -51,6 +53,7 @@ const OF_THE_SENSOR: [Fault; 5] = [
 enum Event {
     Time,
     Bias(bool),
+    Turn(bool),
     PreOperational(usize),
     Start(usize),
     Reset(usize),
@@ -79,8 +82,11 @@ fn kinds(n: usize) -> [Vec<Event>; 8] {
 }
 
 /// What can happen when one kind of event happens to node 0 and one to node 1.
-fn events(kind: [usize; 2]) -> Vec<Event> {
+fn events(part: Kind, kind: [usize; 2]) -> Vec<Event> {
     let mut all = vec![Event::Time, Event::Bias(true), Event::Bias(false)];
+    if part == Kind::Ism330dhcx {
+        all.extend([Event::Turn(true), Event::Turn(false)]);
+    }
     for n in NODES {
         all.extend(&kinds(n)[kind[n]]);
         if !all.contains(&Event::Start(n)) {
@@ -91,23 +97,30 @@ fn events(kind: [usize; 2]) -> Vec<Event> {
     all
 }
 
-/// The biased node, and by how much: 2.9 deg.
+/// The biased node, and by how much: 2.9 deg, or its gyroscope.
 const BIASED: usize = 0;
 const BIAS_MG: i16 = 50;
+const TURN_DPS: i16 = 2;
+
+/// Both are level. An angle that is farther off is wrong, deg.
+const WRONG_DEG: f64 = 1.0;
+
+/// So many stated standard uncertainties include the angle.
+const COVERAGE: f64 = 3.0;
 
 /// How long an event is followed by nothing else, us: less than what makes a peer silent, less and
 /// more than what a difference has to last, and more than what a silence is held against it.
 const PAUSES_US: [i64; 3] = [30_000, 350_000, 1_400_000];
 
 /// A search that finds more states does not close.
-const MOST_STATES: usize = 30_000;
+const MOST_STATES: usize = 60_000;
 /// One that finds fewer has not searched.
 const FEWEST_STATES: usize = 300;
 
 /// What was true of one node so far.
 #[derive(Clone, Copy, Debug, Default)]
 struct Past {
-    /// For how long it has been biased while both could be compared, us.
+    /// For how long its angle has been wrong while both could be compared, us.
     exposed_us: i64,
     /// For how long both could be compared since it was last away, us, and in how many SYNCs.
     compared_us: i64,
@@ -123,6 +136,9 @@ struct Past {
 struct Watch {
     past: [Past; 2],
     last_sync: Instant,
+    /// What was compared before an interruption counts for nothing towards the time in which a wrong
+    /// angle has to be found: a difference of two verticals alone takes most of it.
+    anew: bool,
     /// Time between the SYNCs before, us. A PDO is made before its own SYNC is counted.
     periods_us: [i64; 3],
 }
@@ -130,31 +146,36 @@ struct Watch {
 #[derive(Clone)]
 struct State {
     world: World,
-    biased: bool,
+    /// The accelerometer is biased, the gyroscope.
+    biased: [bool; 2],
     watch: Watch,
 }
 
 impl State {
-    fn new(policy: Policy) -> Self {
-        let mut world = World::new(policy);
+    fn new(part: Kind, policy: Policy) -> Self {
+        let mut world = World::new(part, policy);
         world.load();
         NODES.into_iter().for_each(|n| world.boot(n));
         let watch = Watch {
             past: [Past::default(); 2],
             last_sync: world.now,
+            anew: part == Kind::Ism330dhcx,
             periods_us: [0; 3],
         };
         world.save();
         Self {
             world,
-            biased: false,
+            biased: [false; 2],
             watch,
         }
     }
 
     /// Both measure, and can hear each other.
     fn measures(world: &World) -> bool {
-        let sound = |node: &both::Node| node.device.channel().reason().is_none();
+        let sound = |node: &both::Node| {
+            let Axes { x, y } = &node.device.values().process.measured;
+            node.device.channel().reason().is_none() && x.is_ok() && y.is_ok()
+        };
         let mut nodes = world.nodes.iter();
         nodes.all(|node| node.is_connected() && node.is_operational() && sound(node))
     }
@@ -171,7 +192,8 @@ impl State {
         let node = |n: usize| &self.world.nodes[n];
         match event {
             Event::Time | Event::LoseExchange(_) => true,
-            Event::Bias(on) => self.biased != on,
+            Event::Bias(on) => self.biased[0] != on,
+            Event::Turn(on) => self.biased[1] != on,
             Event::PreOperational(n) => node(n).is_connected() && node(n).is_operational(),
             Event::Start(n) => node(n).is_connected() && !node(n).is_operational(),
             Event::Reset(n) | Event::ResetCommunication(n) => node(n).is_connected(),
@@ -199,16 +221,11 @@ impl State {
             biased,
             watch,
         } = self;
-        if let Event::Bias(on) = event {
-            *biased = on;
-            world.part(BIASED).set_offset(if on { BIAS_MG } else { 0 });
-        }
         let watch = RefCell::new(watch);
-        let (biased, broken) = (*biased, RefCell::new(Vec::new()));
+        let broken = RefCell::new(Vec::new());
         let mut heard = |world: &World, heard: Heard| {
             let mut rules = Rules {
                 latch_s,
-                biased,
                 watch: &mut watch.borrow_mut(),
                 broken: &mut broken.borrow_mut(),
             };
@@ -216,7 +233,15 @@ impl State {
         };
         let to = |n: usize| n as u8 + 1;
         match event {
-            Event::Time | Event::Bias(_) => {}
+            Event::Time => {}
+            Event::Bias(on) => {
+                biased[0] = on;
+                world.part(BIASED).set_offset(if on { BIAS_MG } else { 0 });
+            }
+            Event::Turn(on) => {
+                biased[1] = on;
+                world.part(BIASED).set_rate(if on { TURN_DPS } else { 0 });
+            }
             Event::PreOperational(n) => world.command(0, &[128, to(n)], &mut heard),
             Event::Start(n) => world.command(0, &[1, to(n)], &mut heard),
             Event::Reset(n) => world.command(0, &[129, to(n)], &mut heard),
@@ -237,7 +262,7 @@ impl State {
 
     /// What a state is: everything that the next events may depend on, times in classes.
     fn key(&self) -> String {
-        let mut key = format!("{:?} {}", self.world.sync_us, self.biased);
+        let mut key = format!("{:?} {:?}", self.world.sync_us, self.biased);
         let shown = |n: usize| {
             let node = &self.world.nodes[n];
             (
@@ -287,12 +312,9 @@ impl Watch {
                 (past.compared, past.compared_us) = (0, 0);
             }
         }
-        if matches!(event, Event::Bias(false)) {
-            self.past[BIASED].exposed_us = 0;
-        }
     }
 
-    fn sync(&mut self, world: &World, at: Instant, biased: bool) {
+    fn sync(&mut self, world: &World, at: Instant) {
         let period_us = at.micros_since(self.last_sync);
         let [newest, before, _] = self.periods_us;
         self.periods_us = [period_us, newest, before];
@@ -300,13 +322,20 @@ impl Watch {
         let promised_us = passed_us.min(PROMISED_SYNC_US);
         self.last_sync = at;
         let faultless = State::can_compare(world);
+        for (n, past) in self.past.iter_mut().enumerate() {
+            match is_off(world, n) {
+                false => past.exposed_us = 0,
+                true if faultless => past.exposed_us += promised_us,
+                true => {}
+            }
+        }
         if !State::measures(world) {
+            if self.anew {
+                self.past.iter_mut().for_each(|past| past.exposed_us = 0);
+            }
             return;
         }
-        for (n, past) in self.past.iter_mut().enumerate() {
-            if faultless && biased && n == BIASED {
-                past.exposed_us += promised_us;
-            }
+        for past in &mut self.past {
             // What was compared before counts up to here, however many SYNCs there were between.
             let since_us = past.last.map_or(passed_us, |last| at.micros_since(last));
             past.compared_us += since_us.min(MOST_CREDIT_US);
@@ -316,10 +345,19 @@ impl Watch {
     }
 }
 
+/// A node has measured an angle that is wrong, whether it may be used or not: by more than it
+/// states as well.
+fn is_off(world: &World, n: usize) -> bool {
+    let Axes { x, y } = &world.nodes[n].device.values().process.measured;
+    [x, y].into_iter().flatten().any(|measured| {
+        let stated_deg = COVERAGE * measured.uncertainty.degrees();
+        measured.angle.degrees().abs() > stated_deg.max(WRONG_DEG)
+    })
+}
+
 /// The rules, and what was true so far.
 struct Rules<'a> {
     latch_s: u16,
-    biased: bool,
     watch: &'a mut Watch,
     broken: &'a mut Vec<String>,
 }
@@ -332,8 +370,8 @@ impl Rules<'_> {
         };
         self.attribute(world);
         match heard.by {
-            _ if id == 0x80 => self.watch.sync(world, heard.at, self.biased),
-            Some(n) if id == 0x101 + 2 * n as u16 => self.safety_frame(n, &heard),
+            _ if id == 0x80 => self.watch.sync(world, heard.at),
+            Some(n) if id == 0x101 + 2 * n as u16 => self.safety_frame(world, n, &heard),
             Some(n) if id == 0x181 + n as u16 => self.slopes(world, n, &heard),
             Some(n) if id == 0x081 + n as u16 => self.fault_told(world, n, &heard),
             _ => {}
@@ -348,13 +386,13 @@ impl Rules<'_> {
         }
     }
 
-    fn is_wrong(&self, n: usize) -> bool {
-        self.biased && n == BIASED && self.watch.past[n].exposed_us > REACTION_US
+    fn is_wrong(&self, world: &World, n: usize) -> bool {
+        is_off(world, n) && self.watch.past[n].exposed_us > REACTION_US
     }
 
-    fn safety_frame(&mut self, n: usize, heard: &Heard) {
+    fn safety_frame(&mut self, world: &World, n: usize, heard: &Heard) {
         let past = self.watch.past[n];
-        self.rule(!self.is_wrong(n), heard, "a wrong safety frame");
+        self.rule(!self.is_wrong(world, n), heard, "a wrong safety frame");
         let age_us = past.last.map(|last| heard.at.micros_since(last));
         let checked = age_us.is_some_and(|us| us <= SCT_US + TICK_US);
         self.rule(checked, heard, "a safety frame that was not checked");
@@ -399,7 +437,7 @@ impl Rules<'_> {
             return;
         }
         let past = *past;
-        self.rule(!self.is_wrong(n), heard, "a wrong angle");
+        self.rule(!self.is_wrong(world, n), heard, "a wrong angle");
         self.rule(!past.disagreed, heard, "a disagreement was forgotten");
         // The SYNC of this very frame has not been compared yet.
         let before = past.compared > u32::from(State::measures(world));
@@ -415,9 +453,9 @@ impl Rules<'_> {
 }
 
 /// Searches all states that one kind of events at each node leads to, until there are no more.
-fn explore(policy: Policy, kind: [usize; 2]) {
-    let events = events(kind);
-    let start = State::new(policy);
+fn explore(part: Kind, policy: Policy, kind: [usize; 2]) {
+    let events = events(part, kind);
+    let start = State::new(part, policy);
     let mut known = HashSet::from([start.key()]);
     let mut open = VecDeque::from([(start, Vec::new())]);
     let mut depth = 0;
@@ -442,7 +480,7 @@ fn explore(policy: Policy, kind: [usize; 2]) {
     }
     // Every event has been tried in every state, and none of them leads to a new one.
     println!(
-        "{policy:?} {kind:?}: {} states, {depth} events deep",
+        "{part:?} {policy:?} {kind:?}: {} states, {depth} events deep",
         known.len()
     );
     assert!(known.len() > FEWEST_STATES, "{kind:?}: {}", known.len());
@@ -455,7 +493,12 @@ const AS_DELIVERED: Policy = Policy {
 
 /// Follows one sequence; no rule is broken on the way.
 fn follow(policy: Policy, path: &[(Event, i64)]) -> State {
-    let mut state = State::new(policy);
+    follow_with(Kind::Lis2dw12, policy, path)
+}
+
+/// The same with this part.
+fn follow_with(part: Kind, policy: Policy, path: &[(Event, i64)]) -> State {
+    let mut state = State::new(part, policy);
     state.world.load();
     for (step, &(event, pause_us)) in path.iter().enumerate() {
         let broken = state.happen(event, pause_us, policy.latch_s);
@@ -577,25 +620,87 @@ const POLICIES: [Policy; 3] = [
 
 #[test]
 fn no_sequence_of_nmt_commands_and_bus_off_makes_a_wrong_angle_valid() {
-    explore(AS_DELIVERED, [0, 4]);
+    explore(Kind::Lis2dw12, AS_DELIVERED, [0, 4]);
 }
 
 #[test]
 fn no_sequence_of_wires_and_power_makes_a_wrong_angle_valid() {
-    explore(AS_DELIVERED, [3, 5]);
+    explore(Kind::Lis2dw12, AS_DELIVERED, [3, 5]);
 }
 
 #[test]
 fn no_sequence_of_resets_and_losses_makes_a_wrong_angle_valid() {
-    explore(AS_DELIVERED, [1, 6]);
-    explore(AS_DELIVERED, [2, 7]);
+    explore(Kind::Lis2dw12, AS_DELIVERED, [1, 6]);
+    explore(Kind::Lis2dw12, AS_DELIVERED, [2, 7]);
 }
 
 #[test]
 fn no_policy_makes_a_wrong_angle_valid() {
     for policy in POLICIES {
-        explore(policy, [0, 1]);
+        explore(Kind::Lis2dw12, policy, [0, 1]);
     }
+}
+
+#[test]
+#[ignore]
+fn dynamic_trace() {
+    use Event::*;
+    let mut state = State::new(Kind::Ism330dhcx, AS_DELIVERED);
+    state.world.load();
+    let path = [
+        (Start(0), 30000),
+        (Start(1), 1400000),
+        (Turn(true), 30000),
+        (Wire(0, false), 1400000),
+        (Wire(0, true), 30000),
+        (Power(1, false), 30000),
+        (Power(1, true), 30000),
+        (Start(1), 30000),
+        (Turn(false), 1400000),
+        (Time, 1500000),
+    ];
+    for (event, us) in path {
+        println!("{event:?}");
+        let mut event = event;
+        let mut left = us;
+        while left > 0 {
+            let now = left.min(50_000);
+            let broken = state.happen(event, now, 0);
+            left -= now;
+            event = Time;
+            let d = NODES.map(|n| {
+                let node = &state.world.nodes[n];
+                let m = &node.device.values().process.measured;
+                let r = node
+                    .device
+                    .channel()
+                    .reading(node.device.settings(), state.world.now);
+                format!(
+                    "{:?} {:?} {:?} off {} exp {} now {:?}",
+                    m.x.as_ref().map(|m| m.angle.degrees()),
+                    m.x.as_ref().map(|m| m.uncertainty.degrees()),
+                    node.device.shown(state.world.now).state(),
+                    is_off(&state.world, n),
+                    state.watch.past[n].exposed_us,
+                    r.x.map(|m| (m.angle.degrees(), m.uncertainty.degrees()))
+                )
+            });
+            println!("   {:?} {d:?} {broken:?}", state.world.now);
+        }
+    }
+}
+
+#[test]
+#[ignore]
+fn dynamic_try() {
+    let kinds = std::env::var("KINDS").unwrap();
+    let [a, b] = [0, 1].map(|n| kinds[n..=n].parse().unwrap());
+    let latch_s = std::env::var("LATCH").map_or(0, |s| s.parse().unwrap());
+    let policy = Policy {
+        latch_s,
+        ..AS_DELIVERED
+    };
+    explore(Kind::Ism330dhcx, policy, [a, b]);
 }
 
 #[test]
@@ -603,7 +708,7 @@ fn no_policy_makes_a_wrong_angle_valid() {
 fn no_sequence_of_events_makes_a_wrong_angle_valid() {
     for policy in POLICIES {
         for kind in (0..64).map(|both| [both / 8, both % 8]) {
-            explore(policy, kind);
+            explore(Kind::Lis2dw12, policy, kind);
         }
     }
 }

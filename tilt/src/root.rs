@@ -35,6 +35,14 @@ pub(crate) const fn root(value: u64) -> u32 {
     (root - (square > (top as u64) << 32 | low as u64) as u32) >> (shift / 2)
 }
 
+/// The root of the sum of two squares, rounded down; at most `u32::MAX`.
+// Once in the image.
+#[cfg_attr(target_pointer_width = "32", inline(never))]
+pub(crate) fn root_sum(a: u32, b: u32) -> u32 {
+    let square = |a: u32| u64::from(a) * u64::from(a);
+    root(square(a).saturating_add(square(b)))
+}
+
 /// The root of a number of 32 bits, from 2^30 on.
 #[inline(always)]
 const fn upper(top: u32) -> u32 {

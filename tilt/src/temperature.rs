@@ -101,6 +101,8 @@ fn freed(value: i32, offset: i64, gain_q30: i32) -> i32 {
 }
 
 /// Distance from 25 degC in 1/256 degC, held inside the part's operating range (-40..85 degC).
+// Once in the image.
+#[cfg_attr(target_pointer_width = "32", inline(never))]
 pub(crate) fn from_reference(t: Temperature) -> i64 {
     const LOW: i32 = -40 * 256;
     const HIGH: i32 = 85 * 256;

@@ -23,6 +23,7 @@ use crate::ONE_G;
 use crate::angle::{Angle, Axes, hypot};
 use crate::composition::Composition;
 use crate::filter::LowPass;
+use crate::root::root_sum;
 use crate::sample::Temperature;
 use crate::table::{Rule, Table};
 use crate::temperature::TemperatureModel;
@@ -52,7 +53,7 @@ impl Uncertainty {
             // The root of a square.
             return Self(self.0.min(KNOWS_NOTHING));
         }
-        root(square(self.0).saturating_add(square(other.0)))
+        Self(root_sum(self.0, other.0).min(KNOWS_NOTHING))
     }
 }
 

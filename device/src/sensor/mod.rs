@@ -22,6 +22,7 @@
 //! }
 //! ```
 
+mod any_driver;
 mod config;
 mod error;
 pub mod ism330dhcx;
@@ -34,6 +35,7 @@ mod wire;
 #[cfg(test)]
 mod tests;
 
+pub use any_driver::AnyDriver;
 pub use config::{Bandwidth, Config, Fifo, Rate};
 pub use error::{InitError, Mismatch, ReadError, SelfTestError, VerifyError};
 pub use lis2dw12::{FIFO_DEPTH, FifoRead, Health, Lis2dw12, Sample};

@@ -16,17 +16,16 @@ use device::calibration::deliver;
 use device::device::{BoardRequest, Device};
 use device::mailboxes::{Abort, Mailboxes, Transmitter};
 use device::objects::table::Channel;
-use device::sensor::Lis2dw12;
 use instant::Instant;
 use tilt::cross_check::CrossCheck;
 
 use nothing::Nothing;
-use part::{Hurry, NOISE, Part, Registers, delivered, factory};
+use part::{Driver, Hurry, Kind, NOISE, Part, Registers, driver, factory};
 
 /// The two nodes.
 pub const NODES: [usize; 2] = [0, 1];
 
-/// Time between two samples of either part, us.
+/// Time between two samples of the slower part, us.
 pub const TICK_US: i64 = 2_500;
 
 /// Mailboxes of a CAN controller.
@@ -60,7 +59,7 @@ pub struct Policy {
 /// A node, its part and its connection.
 #[derive(Clone)]
 pub struct Node {
-    pub device: Device<Lis2dw12<Part>, Nothing>,
+    pub device: Device<Driver, Nothing>,
     part: Part,
     registers: Registers,
     pub powered: bool,
@@ -73,17 +72,18 @@ pub struct Node {
 }
 
 impl Node {
-    fn new(number: usize) -> Self {
-        let registers = Registers::level(number);
+    fn new(kind: Kind, number: usize) -> Self {
+        let registers = Registers::level(kind, number);
         let part = Part::new(registers);
         let check = CrossCheck::product();
         let channel = [Channel::A, Channel::B][number];
-        let factory = factory(channel, 1 + number as u32, NOISE);
+        let part_of = (kind.config(), kind.models());
+        let factory = factory(part_of, channel, 1 + number as u32, NOISE);
         let mut memory = Nothing::NEW;
         // There is room for it.
-        let _ = deliver(&mut memory, &delivered());
+        let _ = deliver(&mut memory, &kind.delivered());
         Self {
-            device: Device::new(Lis2dw12::new(part.clone()), check, factory, memory),
+            device: Device::new(driver(kind, part.clone()), check, factory, memory),
             part,
             registers,
             powered: false,
@@ -109,6 +109,8 @@ impl Node {
 pub struct World {
     pub nodes: [Node; 2],
     pub now: Instant,
+    /// Time between two samples, us.
+    tick_us: i64,
     /// Time between two SYNCs, us; `None`: the master sends none.
     pub sync_us: Option<i64>,
     next_sync: Instant,
@@ -127,11 +129,12 @@ pub struct Heard {
 
 impl World {
     /// Both nodes without power.
-    pub fn new(policy: Policy) -> Self {
+    pub fn new(kind: Kind, policy: Policy) -> Self {
         let now = Instant(1_000_000);
         Self {
-            nodes: NODES.map(Node::new),
+            nodes: NODES.map(|number| Node::new(kind, number)),
             now,
+            tick_us: i64::from(kind.config().period_us()),
             sync_us: Some(20_000),
             next_sync: now,
             policy,
@@ -238,7 +241,7 @@ impl World {
     pub fn run(&mut self, us: i64, heard: &mut dyn FnMut(&Self, Heard)) {
         let until = self.now.offset(us);
         while self.now < until {
-            self.now = self.now.offset(TICK_US);
+            self.now = self.now.offset(self.tick_us);
             for node in self.nodes.iter_mut().filter(|node| node.powered) {
                 node.device.data_ready(self.now);
             }
@@ -246,7 +249,7 @@ impl World {
             if let Some(period_us) = self.sync_us
                 && self.now >= self.next_sync
             {
-                self.next_sync = self.now.offset(period_us);
+                self.next_sync = self.next_sync.offset(period_us);
                 self.command(0x80, &[], heard);
             }
         }

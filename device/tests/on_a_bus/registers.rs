@@ -12,7 +12,7 @@ use device::channel::Setup;
 use device::device::Factory;
 use device::objects::device_objects::Identity;
 use device::objects::table::{Channel, Models};
-use device::sensor::{Config, PartConfig};
+use device::sensor::PartConfig;
 use embedded_hal::delay::DelayNs;
 use embedded_hal::spi::{ErrorType, Operation, SpiDevice};
 use tilt::chain::{Calibration, Timing};
@@ -22,15 +22,25 @@ use tilt::uncertainty::{Budget, Span, Uncertainty};
 
 /// What the part has in it.
 pub trait Contents {
-    /// The registers themselves.
-    fn bytes(&mut self) -> &mut [u8; 64];
+    /// The registers themselves, as many as the address on the wires has room for.
+    fn bytes(&mut self) -> &mut [u8];
+
+    /// What stays in the register of `address` of a value that is written: a bit that starts
+    /// something clears itself when that has ended, which it does at once.
+    fn kept(&self, address: usize, value: u8) -> u8 {
+        // CTRL2 of an LIS2DW12: boot and soft reset.
+        match address {
+            0x21 => value & !0xC0,
+            _ => value,
+        }
+    }
 
     /// The driver reads from `address` on.
     fn read_from(&mut self, _address: usize) {}
 }
 
 impl Contents for [u8; 64] {
-    fn bytes(&mut self) -> &mut [u8; 64] {
+    fn bytes(&mut self) -> &mut [u8] {
         self
     }
 }
@@ -61,16 +71,13 @@ impl<R: Contents> Part<R> {
         let Some((first, values)) = bytes.split_first() else {
             return;
         };
-        *address = usize::from(first & 0x3F);
+        let last = self.with(|registers| registers.bytes().len() - 1);
+        *address = usize::from(*first) & last;
         for value in values {
-            // CTRL2: boot and soft reset end at once.
-            let kept = if *address == 0x21 {
-                value & !0xC0
-            } else {
-                *value
-            };
-            self.with(|registers| registers.bytes()[*address] = kept);
-            *address = (*address + 1) & 0x3F;
+            self.with(|registers| {
+                registers.bytes()[*address] = registers.kept(*address, *value);
+            });
+            *address = (*address + 1) & last;
         }
     }
 }
@@ -86,11 +93,14 @@ impl<R: Contents> SpiDevice for Part<R> {
             match operation {
                 Operation::Write(bytes) => self.take(bytes, &mut address),
                 Operation::Read(bytes) => {
-                    self.with(|registers| registers.read_from(address));
-                    for byte in bytes.iter_mut() {
-                        *byte = self.with(|registers| registers.bytes()[address]);
-                        address = (address + 1) & 0x3F;
-                    }
+                    self.with(|registers| {
+                        registers.read_from(address);
+                        let behind = registers.bytes();
+                        for byte in bytes.iter_mut() {
+                            *byte = behind[address];
+                            address = (address + 1) & (behind.len() - 1);
+                        }
+                    });
                 }
                 other => panic!("the driver does not use {other:?}"),
             }
@@ -115,12 +125,17 @@ pub fn delivered() -> Calibration {
 }
 
 /// The instrument of a perfect part whose noise has this standard deviation, 2^-26 g.
-pub fn factory(channel: Channel, serial: u32, noise: u32) -> Factory {
+pub fn factory(
+    (part, models): (PartConfig, Models),
+    channel: Channel,
+    serial: u32,
+    noise: u32,
+) -> Factory {
     Factory {
         identity: Identity {
             channel,
             serial,
-            models: Models::WHOLE,
+            models,
         },
         node_id: channel.node_id(),
         kbit_s: 250,
@@ -129,7 +144,7 @@ pub fn factory(channel: Channel, serial: u32, noise: u32) -> Factory {
             reference: MOTOR,
         },
         setup: Setup {
-            part: PartConfig::Lis2dw12(Config::PRODUCT),
+            part,
             filter: LowPass::PRODUCT,
             timing: Timing::Aligned { latency_us: 25_000 },
             noise,

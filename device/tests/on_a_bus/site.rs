@@ -7,8 +7,8 @@ use device::calibration::deliver;
 use device::device::{BoardRequest, Device, Factory};
 use device::memory::update::Anybody;
 use device::memory::{Build, FlashMemory};
-use device::objects::table::Channel;
-use device::sensor::{Config, Lis2dw12};
+use device::objects::table::{Channel, Models};
+use device::sensor::{Config, Lis2dw12, PartConfig};
 use flash::layout::{PAGE, RC, Slot};
 use flash::nor::{Draw, Nor, Page};
 use flash::slots::{self, Decision};
@@ -64,7 +64,8 @@ pub fn blank() -> Memory {
 
 /// This part's codes stand still, as those of one without noise may.
 pub fn factory(channel: Channel) -> Factory {
-    registers::factory(channel, 7, 1)
+    let part = PartConfig::Lis2dw12(Config::PRODUCT);
+    registers::factory((part, Models::WHOLE), channel, 7, 1)
 }
 
 fn made(channel: Channel, part: Part, memory: Memory) -> Device<Lis2dw12<Part>, Memory> {

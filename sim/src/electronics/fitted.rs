@@ -10,10 +10,7 @@ use std::cell::RefCell;
 use std::rc::Rc;
 
 use device::sensor::ism330dhcx::Ism330dhcx;
-use device::sensor::{Lis2dw12, Part, PartConfig, PartError, ReadError};
-use embedded_hal::delay::DelayNs;
-use embedded_hal::spi::ErrorKind;
-use tilt::sample::{Sample, Temperature};
+use device::sensor::{AnyDriver, Lis2dw12, PartConfig};
 
 use crate::error_model::gyroscope::Gyroscope;
 use crate::error_model::{self, ErrorModel};
@@ -270,56 +267,4 @@ impl Fitted {
 }
 
 /// The driver of whichever part there is.
-#[derive(Clone, Debug)]
-pub enum Driver {
-    /// Of the accelerometer.
-    Lis2dw12(Lis2dw12<lis2dw12::SpiPort>),
-    /// Of the part with a gyroscope.
-    Ism330dhcx(Ism330dhcx<ism330dhcx::SpiPort>),
-}
-
-impl Driver {
-    /// The accelerometer's own driver; `None` where there is another part.
-    pub fn lis2dw12(&mut self) -> Option<&mut Lis2dw12<lis2dw12::SpiPort>> {
-        match self {
-            Self::Lis2dw12(part) => Some(part),
-            Self::Ism330dhcx(_) => None,
-        }
-    }
-}
-
-impl Part for Driver {
-    type Error = ErrorKind;
-
-    fn init<D: DelayNs>(
-        &mut self,
-        config: &PartConfig,
-        delay: &mut D,
-    ) -> Result<(), PartError<ErrorKind>> {
-        match self {
-            Self::Lis2dw12(part) => Part::init(part, config, delay),
-            Self::Ism330dhcx(part) => Part::init(part, config, delay),
-        }
-    }
-
-    fn verify(&mut self) -> Result<(), PartError<ErrorKind>> {
-        match self {
-            Self::Lis2dw12(part) => Part::verify(part),
-            Self::Ism330dhcx(part) => Part::verify(part),
-        }
-    }
-
-    fn read(&mut self) -> Result<Option<Sample>, ReadError<ErrorKind>> {
-        match self {
-            Self::Lis2dw12(part) => Part::read(part),
-            Self::Ism330dhcx(part) => Part::read(part),
-        }
-    }
-
-    fn read_temperature(&mut self) -> Result<Temperature, ReadError<ErrorKind>> {
-        match self {
-            Self::Lis2dw12(part) => Part::read_temperature(part),
-            Self::Ism330dhcx(part) => Part::read_temperature(part),
-        }
-    }
-}
+pub type Driver = AnyDriver<lis2dw12::SpiPort, ism330dhcx::SpiPort>;

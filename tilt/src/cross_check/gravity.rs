@@ -23,7 +23,7 @@
 use super::Member;
 use super::residual::{share_q22, towards_zero};
 use crate::motion::frame::Turn as Rotation;
-use crate::root::root;
+use crate::root::{root, root_sum};
 
 /// Configuration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -517,9 +517,4 @@ impl Gravity {
 fn part(of: u32, parts: u32, whole: u32) -> u32 {
     let part = u64::from(of) * u64::from(parts) / u64::from(whole.max(1));
     u32::try_from(part).unwrap_or(u32::MAX)
-}
-
-fn root_sum(a: u32, b: u32) -> u32 {
-    let square = |a: u32| u64::from(a) * u64::from(a);
-    root(square(a).saturating_add(square(b)))
 }

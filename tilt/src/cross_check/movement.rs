@@ -165,6 +165,8 @@ pub enum Finding {
 
 impl MovementState {
     /// There was no pair, or nobody knows what happened to a channel: everything begins anew.
+    // Once in the image.
+    #[cfg_attr(target_pointer_width = "32", inline(never))]
     pub fn restart(&mut self) {
         *self = Self::default();
     }
@@ -312,6 +314,8 @@ impl Movement {
         }
     }
 
+    // Once in the image.
+    #[cfg_attr(target_pointer_width = "32", inline(never))]
     fn has_moved(&self, one: &mut ChannelMovement, way: u32, other_stood: bool) -> bool {
         let moved = way >= self.moved && other_stood;
         one.moved = if moved {

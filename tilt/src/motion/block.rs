@@ -91,10 +91,10 @@ impl Block {
 
     /// Velocity gained along the level axes, 2^-30 g s per step; `None` where the accelerometer
     /// was at its end. `period_q32` is that of a sample, 2^-32 s.
-    pub(super) fn gained(&self, period_q32: u32) -> Option<[i64; 2]> {
+    pub(super) fn gained(&self, period_q32: u32) -> Option<[i32; 2]> {
         // Half of the period, which then fits a signed number.
         let half = (period_q32 >> 1) as i32;
-        let gain = |sum: i64| (i64::from(saturate(sum >> 6)) * i64::from(half)) >> 21;
+        let gain = |sum: i64| saturate((i64::from(saturate(sum >> 6)) * i64::from(half)) >> 21);
         (!self.blind).then(|| self.accel.map(gain))
     }
 

@@ -138,6 +138,43 @@ fn a_bias_step_of_a_gyroscope_is_stated_after_0_7_s_and_never_stated_away() {
     assert!(within * 100 >= valid * 95, "{within} of {valid}");
 }
 
+/// A gyroscope was wrong for a while: its vertical counted as certain again while it was still 3 deg
+/// off, was corrected by too much where rest began, and looked for rest anew after each correction.
+#[test]
+fn a_vertical_that_gravity_contradicted_is_uncertain_until_it_is_right_again() {
+    let biases = [0.3, 0.5, 1.0, 1.5, 2.0, 3.0];
+    let durations = [0.3, 0.6, 1.0, 1.5, 2.0, 3.0, 6.0];
+    for (dps, seconds) in biases
+        .into_iter()
+        .flat_map(|dps| durations.map(|s| (dps, s)))
+    {
+        for e in [CALIBRATED, Expected::INDUSTRIAL] {
+            let mut channel = Channel::new(&e, [0.1, 0.2, 1.0], STILL);
+            channel.run(10.0, |_| STILL);
+            channel.bias = [0.0, f64::to_radians(dps), 0.0];
+            channel.run(seconds, |_| STILL);
+            channel.bias = STILL;
+            // Until two blocks contradict.
+            channel.run(0.2, |_| STILL);
+            for n in 0..4000 {
+                let Ok((error, stated)) = channel.step(STILL) else {
+                    continue;
+                };
+                let most = if n < 1520 {
+                    0.4f64.max(3.0 * stated)
+                } else {
+                    0.3
+                };
+                let at = f64::from(n) * e.period_s;
+                assert!(
+                    error < most,
+                    "{dps} deg/s, {seconds} s: {error} {stated} after {at}"
+                );
+            }
+        }
+    }
+}
+
 #[test]
 fn a_start_while_the_boom_moves_states_what_it_deserves() {
     let stroke = |hz: f64, t: f64| (2.0 * core::f64::consts::PI * hz * t).sin();

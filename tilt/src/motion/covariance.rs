@@ -92,6 +92,14 @@ impl Covariance {
         *y = [0, variance, 0, 0];
     }
 
+    /// The tilt about each axis is less certain by `variance`.
+    pub(super) fn widen_tilt(&mut self, variance: i64) {
+        let [_, _, x, y] = self.motion_variances();
+        for cell in [x, y] {
+            *cell = saturate(i64::from(*cell) + variance).min(LARGEST);
+        }
+    }
+
     /// Variance of the tilt, the mean of both axes.
     pub(super) const fn tilt(&self) -> i32 {
         let [_, _, [_, _, x, _], [_, _, _, y], ..] = &self.motion;

@@ -261,14 +261,18 @@ impl Motion {
     }
 
     /// Compares the velocity, which has `gained` so much, with zero, and corrects all states.
-    fn observe(&self, state: &mut MotionState, gained: [i64; 2]) {
+    fn observe(&self, state: &mut MotionState, gained: [i32; 2]) {
         for (v, gained) in state.velocity.iter_mut().zip(gained) {
-            *v = saturate(i64::from(*v) + gained);
+            *v = v.saturating_add(gained);
         }
         let noise = self.zero_velocity_noise(state, gained);
         let mut observation = Observation::new(state.velocity, noise);
         state.covariance.observe(&mut observation);
-        state.frame.tilt(observation.tilt());
+        let [x, y] = observation.tilt();
+        state.frame.tilt([x, y]);
+        let fall = self.period_q32 as i32;
+        let more = [product(y, fall, 27), -product(x, fall, 27)].map(saturate);
+        state.quiet.corrected(more);
         let errors = observation.errors();
         state.gyroscope.add(errors, self.most_gain(state.warmed));
         state.velocity = observation.velocity();
@@ -278,9 +282,9 @@ impl Motion {
     ///
     /// It is that of a velocity that keeps its direction for a while, which is about the velocity
     /// by the acceleration; the longer, the fewer of the blocks tell something new.
-    fn zero_velocity_noise(&self, state: &mut MotionState, gained: [i64; 2]) -> i64 {
+    fn zero_velocity_noise(&self, state: &mut MotionState, gained: [i32; 2]) -> i64 {
         let fade = |held: i64| held - ((held >> 16) * i64::from(self.decay_q16));
-        let change = (mean_square(gained.map(saturate)) >> 15).max(fade(state.change));
+        let change = (mean_square(gained) >> 15).max(fade(state.change));
         let seen = fade(state.seen << 16) >> 16;
         let speed = if state.quiet.at_rest() {
             // What was seen may come again. What was expected at the start has not come where
@@ -385,6 +389,8 @@ impl Start {
 }
 
 /// Mean of two squares.
+// Once in the image.
+#[cfg_attr(target_pointer_width = "32", inline(never))]
 fn mean_square([x, y]: [i32; 2]) -> i64 {
     let square = |v: i32| i64::from(v) * i64::from(v);
     (square(x) >> 1) + (square(y) >> 1)

@@ -20,7 +20,6 @@
 
 use super::block::Shown;
 use super::{Motion, MotionState, mean_square};
-use crate::saturate::saturate;
 
 /// Blocks of quiet gravity that contradict the vertical until the uncertainty contains them: one
 /// may be a moment between two moves.
@@ -38,9 +37,9 @@ pub(super) struct Quiet {
     /// Mean square of what the last of them had beside the vertical; a variance of tilt.
     beside: i64,
     /// Velocity that the last block gained, 2^-30 g s per step.
-    gained: [i64; 2],
+    gained: [i32; 2],
     /// The same of the first block that looked like rest.
-    first: [i64; 2],
+    first: [i32; 2],
 }
 
 impl Quiet {
@@ -48,16 +47,25 @@ impl Quiet {
     pub(super) const fn at_rest(&self) -> bool {
         self.at_rest
     }
+
+    /// The vertical was corrected, and so a block of the same acceleration gains `more`.
+    pub(super) fn corrected(&mut self, more: [i32; 2]) {
+        for gained in [&mut self.gained, &mut self.first] {
+            for (gained, more) in gained.iter_mut().zip(more) {
+                *gained = gained.saturating_add(more);
+            }
+        }
+    }
 }
 
 impl Motion {
     /// Counts the blocks at rest, and those that contradict. A steady speed looks like rest; so
     /// from there on velocity is that against what is at rest now.
-    pub(super) fn look_for_rest(&self, state: &mut MotionState, shown: Shown, gained: [i64; 2]) {
+    pub(super) fn look_for_rest(&self, state: &mut MotionState, shown: Shown, gained: [i32; 2]) {
         let slower = |most: u32| shown.turned.iter().all(|t| t.unsigned_abs() < most);
         let last = core::mem::replace(&mut state.quiet.gained, gained);
         let steady = self.alike(gained, last);
-        let square = mean_square(gained.map(saturate)) >> 15;
+        let square = mean_square(gained) >> 15;
         let fall = i64::from(self.period_q32 >> 12);
         // Five standard deviations of the tilt, and the noise. Where it starts, more than three
         // tell that it started wrongly.
@@ -66,16 +74,22 @@ impl Motion {
             false => 5 * 5,
         };
         let tilt = (deviations * i64::from(state.covariance.tilt()) * fall * fall) >> 20;
-        let noise = mean_square([saturate(self.rest_gain); 2]) >> 15;
+        let noise = mean_square([self.rest_gain as i32; 2]) >> 15;
         let level = square < tilt + noise;
         let quiet = &mut state.quiet;
         // A gyroscope that is wrong turns, too; but a cab that slews faster feels it.
         let against = steady && !level && slower(3 * self.rest_turn);
+        // What it has beside the vertical, as a variance of tilt.
+        let beside = (square.min(1 << 42) << 20).checked_div(fall * fall);
+        let beside = beside.unwrap_or(0);
         if against && self.gravity.contains(&shown.length_square) {
             quiet.against = quiet.against.saturating_add(1);
-            let square = square.min(1 << 42) << 20;
-            quiet.beside = square.checked_div(fall * fall).unwrap_or(0);
+            quiet.beside = beside;
         } else if steady && level {
+            // Where it has contradicted, the vertical is as uncertain as what is left of it.
+            if quiet.against >= CONTRADICTS {
+                state.covariance.widen_tilt(beside);
+            }
             quiet.against = 0;
         } else {
             // A blow, or a move, shows neither that the vertical is right nor that it is wrong.
@@ -97,19 +111,18 @@ impl Motion {
         };
         if quiet.rest >= enough && !quiet.at_rest {
             quiet.at_rest = true;
-            // What this block has gained is added. A vertical that is hardly known would follow
-            // it twice: now, and as soon as the tilt explains it.
-            state.velocity = match doubted {
-                true => gained.map(|gained| saturate(-gained)),
-                false => [0; 2],
-            };
+            // What this block has gained is added. The vertical would follow it twice: now, and as
+            // soon as the tilt explains it.
+            state.velocity = gained.map(i32::saturating_neg);
             state.covariance.forget_velocity(self.rest_variance);
         }
     }
 
     /// True for two blocks with the same acceleration.
-    fn alike(&self, [x, y]: [i64; 2], [other_x, other_y]: [i64; 2]) -> bool {
-        (x - other_x).abs().max((y - other_y).abs()) < self.rest_gain
+    // Once in the image.
+    #[cfg_attr(target_pointer_width = "32", inline(never))]
+    fn alike(&self, [x, y]: [i32; 2], [other_x, other_y]: [i32; 2]) -> bool {
+        x.abs_diff(other_x).max(y.abs_diff(other_y)) < self.rest_gain
     }
 
     /// The variance of tilt that quiet gravity shows beside the vertical; 0 where it does not

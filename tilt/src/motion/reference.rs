@@ -225,10 +225,7 @@ impl Reference {
         let begins = self.quiet > (enough / block_s) as u32 && !self.at_rest;
         self.at_rest = at_rest && (self.at_rest || begins);
         if begins {
-            self.velocity = match doubted {
-                true => self.gained.map(|gained| -gained),
-                false => [0.0; 2],
-            };
+            self.velocity = self.gained.map(|gained| -gained);
             for a in 0..2 {
                 self.p[a] = [0.0; N];
                 self.p.iter_mut().for_each(|row| row[a] = 0.0);
@@ -243,6 +240,11 @@ impl Reference {
     }
 
     fn correct(&mut self, x: &[f64; N]) {
+        let block_s = self.e.period_s * f64::from(BLOCK);
+        let more = [block_s * x[3], -block_s * x[2]];
+        for gained in [&mut self.before, &mut self.first] {
+            gained.iter_mut().zip(more).for_each(|(g, m)| *g += m);
+        }
         for (velocity, x) in self.velocity.iter_mut().zip(x) {
             *velocity += x;
         }

@@ -166,7 +166,7 @@ pub struct Motion {
     /// The largest turn of a block at rest, 2^-30 rad.
     pub(super) rest_turn: u32,
     /// The largest change from block to block of the velocity gained, 2^-30 g s.
-    pub(super) rest_gain: i64,
+    pub(super) rest_gain: u32,
     /// Blocks at rest until it counts.
     pub(super) rest_blocks: u32,
     /// Squares of an acceleration that is gravity, 2^-52 g^2.
@@ -239,7 +239,7 @@ impl Motion {
             most_speed: square(e.most_speed / VELOCITY),
             rest_variance: variance(e.rest_speed, VELOCITY),
             rest_turn: (e.rest_rate * block_s * 1_073_741_824.0) as u32,
-            rest_gain: (e.rest_accel * block_s * 1_073_741_824.0) as i64,
+            rest_gain: (e.rest_accel * block_s * 1_073_741_824.0) as u32,
             rest_blocks: (e.rest_after_s / block_s + 1.0) as u32,
             gravity: length_square(1.0 - e.gravity)..=length_square(1.0 + e.gravity),
             doubt: variance(DOUBT, TILT),
