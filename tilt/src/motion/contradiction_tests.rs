@@ -138,8 +138,9 @@ fn a_bias_step_of_a_gyroscope_is_stated_after_0_7_s_and_never_stated_away() {
     assert!(within * 100 >= valid * 95, "{within} of {valid}");
 }
 
-/// A gyroscope was wrong for a while: its vertical counted as certain again while it was still 3 deg
-/// off, was corrected by too much where rest began, and looked for rest anew after each correction.
+/// A gyroscope was wrong for a while: its vertical counted as certain again while it was still 3
+/// deg off, was corrected by too much where rest began, and looked for rest anew after each
+/// correction.
 #[test]
 fn a_vertical_that_gravity_contradicted_is_uncertain_until_it_is_right_again() {
     let biases = [0.3, 0.5, 1.0, 1.5, 2.0, 3.0];
