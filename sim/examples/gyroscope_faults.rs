@@ -1,7 +1,9 @@
 //! A page of tables: what two channels with a gyroscope report of each fault.
 //!
-//! In: the runs of each line, the hours without a fault in each scene. Out: the page, on standard
-//! output. Everything counts as a receiver on the bus sees it; see `sim::trial`.
+//! In: the runs of each line, the hours without a fault in each scene, and a text that the names of
+//! lines contain, of which no others are run then. Out: the page, on standard output; the seeds of
+//! runs in which the healthy channel was named, on standard error. Everything counts as a receiver
+//! on the bus sees it; see `sim::trial`.
 //!
 //! Left out: faults that the product has as well (`faults`).
 
@@ -222,23 +224,29 @@ until the machine has paused.
 |---|---|---|---|";
 
 fn main() {
-    let mut numbers = std::env::args().skip(1).map(|arg| arg.parse());
-    let (runs, hours) = match (numbers.next(), numbers.next()) {
-        (Some(Ok(runs)), Some(Ok(hours))) => (runs as usize, hours),
-        _ => {
-            eprintln!("gyroscope_faults RUNS HOURS");
-            std::process::exit(2);
-        }
+    let mut words = std::env::args().skip(1);
+    let mut number = || words.next().and_then(|word| word.parse().ok());
+    let (Some(runs), Some(hours)) = (number(), number()) else {
+        eprintln!("gyroscope_faults RUNS HOURS [LINE]");
+        std::process::exit(2);
     };
+    let (runs, wanted) = (runs as usize, words.next().unwrap_or_default());
     let units: Vec<_> = (0..UNITS).map(|unit| (Mode::Dynamic, unit)).collect();
     let pool = Pool::of(&units).expect("sound units");
     println!("{}", head(runs, hours));
     for (name, faults) in lines() {
         for (scene, called) in SCENES {
-            let mut row = Row::of(&spread(runs, |seed| {
+            if !format!("{name}, {called}").contains(&wanted) {
+                continue;
+            }
+            let found = spread(runs, |seed| {
                 let fault = faults[(seed / 2) % faults.len()];
                 Run::of(scene, fault, seed as u64, &pool)
-            }));
+            });
+            for (seed, _) in found.iter().enumerate().filter(|(_, run)| run.wrong) {
+                eprintln!("{name}, {called}: seed {seed} names the healthy channel");
+            }
+            let mut row = Row::of(&found);
             row.print(name, called);
             if row.early > 0 {
                 eprintln!(
@@ -249,7 +257,7 @@ fn main() {
         }
     }
     println!("{HEALTHY}");
-    for (scene, called) in SCENES {
+    for (scene, called) in SCENES.into_iter().filter(|_| hours > 0) {
         let (hours, alarms, angles) = healthy(scene, hours, &pool);
         println!("| {called} | {hours:.0} | {alarms} | {angles} |");
     }
