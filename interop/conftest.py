@@ -3,7 +3,9 @@
 Tests marked `virtual` need what only the host's build of a node has, as each says; they are left
 out where `PLUMB` is the program that runs the exact image on emulated boards. Tests marked
 `product` need what the paper's instrument has not; they are left out where `PLUMB_MODE` is paper.
-Tests marked `sheets` need objects that the paper's image has not, and the virtual instrument has.
+Tests marked `accelerometer` need angles of an accelerometer alone; they are left out where it is
+dynamic. Tests marked `sheets` need objects that the paper's image has not, and the virtual
+instrument has.
 """
 
 from __future__ import annotations
@@ -18,6 +20,7 @@ __all__ = ["joined", "master"]
 LEFT_OUT = [
     *["virtual"] * EMULATED,
     *["product"] * (MODE == "paper"),
+    *["accelerometer"] * (MODE == "dynamic"),
     *["sheets"] * (EMULATED and MODE == "paper"),
 ]
 
@@ -25,6 +28,7 @@ LEFT_OUT = [
 def pytest_configure(config: pytest.Config) -> None:
     config.addinivalue_line("markers", "virtual(why): only for the host's build of a node")
     config.addinivalue_line("markers", "product(why): only for product mode")
+    config.addinivalue_line("markers", "accelerometer(why): not for the variant with a gyroscope")
     config.addinivalue_line("markers", "sheets(why): not for the paper's image")
 
 

@@ -11,6 +11,7 @@ import pytest
 from master import (
     INVALID16,
     INVALID32,
+    MODE,
     PROOF_S,
     START,
     Master,
@@ -27,6 +28,8 @@ NOISE, SPIKES, BIASED, REFUSED, UNCONFIRMED = 10, 11, 13, 17, 18
 DISAGREE_CODE, BIASED_CODE = 0xFF13, 0xFF08
 OWN_CODE, OTHER_CODE, NONE_CODE = 0xFF14, 0xFF15, 0xFF16
 DEGREES_24 = 360 / 2**24
+# No sample since the estimator has begun anew, and an uncertainty that is too large.
+LOOKS_FOR_VERTICAL = {1, 2}
 
 
 @pytest.fixture(scope="module")
@@ -64,6 +67,13 @@ def verdict(master: Master, node: int) -> list[int]:
 
 def reasons(master: Master, node: int) -> list[int]:
     return [master.read(node, 0x2025, sub) for sub in (1, 2)]
+
+
+def without_angle(master: Master, node: int, why: int) -> bool:
+    """Both slopes are away for this reason; with a gyroscope perhaps since the estimator, which a
+    fault makes begin anew, looks for the vertical."""
+    found = reasons(master, node)
+    return found == [why] * 2 or (MODE == "dynamic" and set(found) <= LOOKS_FOR_VERTICAL)
 
 
 def newest(master: Master, node: int) -> bytes:
@@ -125,6 +135,7 @@ def crossing(plumb: Plumb, master: Master, goal: int) -> float:
     return statistics.mean(a - b for a, b in turning)
 
 
+@pytest.mark.accelerometer("a gyroscope's scale differs from channel to channel, as skew does")
 def test_both_report_the_same_instant_while_the_housing_turns(plumb: Plumb, pair: Master) -> None:
     """At 80 deg/s, 0.1 ms of skew between the nodes is 0.008 deg.
 
@@ -224,7 +235,7 @@ def test_what_a_channel_shows_of_itself_is_named(
     emcy(pair, mark, 2, OWN_CODE)
     assert emcy(pair, mark, 1, OTHER_CODE)[6:] == bytes([2 << 6 | why, OTHER_ILL])
     assert [verdict(pair, node) for node in (1, 2)] == [[2, why], [1, why]]
-    assert slopes(newest(pair, 2)) == [INVALID16] * 2 and reasons(pair, 2) == [why] * 2
+    assert slopes(newest(pair, 2)) == [INVALID16] * 2 and without_angle(pair, 2, why)
     assert newest(pair, 1)[4:] == bytes([0xC3, OTHER_ILL])
 
 
@@ -363,10 +374,11 @@ def test_a_disagreement_takes_the_angles_of_both_away(plumb: Plumb, pair: Master
         data = newest(pair, node)
         assert slopes(data) == [INVALID16] * 2
         assert data[4] & 0x0F == 0 and data[5] == DISAGREE
-        assert reasons(pair, node) == [REFUSED] * 2
+        assert without_angle(pair, node, REFUSED)
         assert [pair.read(node, index) for index in (0x6110, 0x6120)] == [INVALID32] * 2
         assert [pair.read(node, index) for index in (0x6810, 0x6820)] == [INVALID16] * 2
-        assert pair.read(node, 0x2024, 1) != INVALID16, "by how much they differ stays to be seen"
+        if MODE != "dynamic":
+            assert pair.read(node, 0x2024, 1) != INVALID16, "by how much they differ is seen"
         until(lambda: 150 < abs(pair.read(node, 0x2028, 1)) < 250, "a residual of 20 mg")
 
 
@@ -392,8 +404,13 @@ def test_where_the_pose_tells_the_loose_board_is_named(plumb: Plumb, pair: Maste
     emcy(pair, mark, 2, OWN_CODE)
     assert emcy(pair, mark, 2, BIASED_CODE)[6] == 1 << 6 | BIASED
     assert [verdict(pair, node) for node in (1, 2)] == [[2, BIASED], [1, BIASED]]
-    assert newest(pair, 1)[4:] == bytes([0xC3, OTHER_ILL])
-    assert slopes(newest(pair, 2)) == [INVALID16] * 2 and reasons(pair, 2) == [BIASED] * 2
+    alone = bytes([0xC3, OTHER_ILL])
+    if MODE == "dynamic":
+        # Both estimators began anew while the pair disagreed.
+        until(lambda: newest(pair, 1)[4:] == alone, "A has its angles again")
+    else:
+        assert newest(pair, 1)[4:] == alone
+    assert slopes(newest(pair, 2)) == [INVALID16] * 2 and without_angle(pair, 2, BIASED)
 
 
 def test_the_peers_stopping_is_noticed(pair: Master) -> None:

@@ -212,7 +212,9 @@ def test_bad_input_is_told_by_the_program_s_sentence(
     assert str(told.value) == said and "\n" not in said
 
 
-@pytest.mark.parametrize("words", [{"begin": "soon"}, {"nodes": [1]}, {"channel": "can7"}])
+@pytest.mark.parametrize(
+    "words", [{"begin": "soon"}, {"nodes": [1]}, {"nodes": [1, 200]}, {"channel": "can7"}]
+)
 def test_options_that_are_wrong_are_told_in_a_sentence(words: dict, log: pathlib.Path) -> None:
     with pytest.raises(plumb.Error) as told:
         plumb.decode(log, **words).read_all()

@@ -29,6 +29,9 @@ pub enum PlanError {
          or 1,2,3,4"
     )]
     Nodes,
+    /// A number that is no node-id (CiA 301, 7.2.1).
+    #[error("{0} is no node-id: give 1 to 127")]
+    NodeId(u8),
     /// A data sheet that can't be used.
     #[error("{0}")]
     Eds(#[from] EdsError),
@@ -46,7 +49,8 @@ pub enum Unnamed {
 impl PlanOptions {
     /// The instruments, and what the data sheets describe.
     ///
-    /// Errors: a data sheet can't be read, or the node-ids make no pairs of two different ones.
+    /// Errors: a data sheet can't be read, a number is no node-id, or the node-ids make no pairs of
+    /// two different ones.
     pub fn plan(&self, unnamed: Unnamed) -> Result<(Plan, Vec<Device>), PlanError> {
         let devices: Result<Vec<_>, _> = self.eds.iter().map(Request::read).collect();
         let devices = devices?;
@@ -55,6 +59,9 @@ impl PlanOptions {
             ([], Unnamed::One) => described(&devices),
             (named, _) => named.to_vec(),
         };
+        if let Some(id) = ids.iter().find(|id| !(1..=127).contains(*id)) {
+            return Err(PlanError::NodeId(*id));
+        }
         let mut plan = Plan::of(pairs(&ids).ok_or(PlanError::Nodes)?);
         plan.nodes = devices.iter().map(|device| device.plan().clone()).collect();
         Ok((plan, devices))
@@ -99,7 +106,7 @@ mod tests {
         assert_eq!((all.len(), all[62]), (63, [125, 126]));
         let named = Some(vec![[17, 3], [1, 2]]);
         assert_eq!(pairs(&[17, 3, 1, 2], Unnamed::All), named);
-        for wrong in [&[1][..], &[1, 1], &[1, 2, 3], &[1, 2, 2, 3]] {
+        for wrong in [&[1][..], &[1, 1], &[1, 2, 3], &[1, 2, 2, 3], &[0, 1], &[127, 128]] {
             assert_eq!(pairs(wrong, Unnamed::One), None);
         }
     }
