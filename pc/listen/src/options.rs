@@ -106,7 +106,14 @@ mod tests {
         assert_eq!((all.len(), all[62]), (63, [125, 126]));
         let named = Some(vec![[17, 3], [1, 2]]);
         assert_eq!(pairs(&[17, 3, 1, 2], Unnamed::All), named);
-        for wrong in [&[1][..], &[1, 1], &[1, 2, 3], &[1, 2, 2, 3], &[0, 1], &[127, 128]] {
+        for wrong in [
+            &[1][..],
+            &[1, 1],
+            &[1, 2, 3],
+            &[1, 2, 2, 3],
+            &[0, 1],
+            &[127, 128],
+        ] {
             assert_eq!(pairs(wrong, Unnamed::One), None);
         }
     }
