@@ -68,5 +68,6 @@ fn script(binary: &str, layout: &Layout, program: Program) {
     println!("cargo::rustc-link-arg-bin={binary}=-Tlink.x");
     // Without it the linker pads segments to pages of an operating system.
     println!("cargo::rustc-link-arg-bin={binary}=--nmagic");
+    // Functions that came out alike are there once. Nothing here compares their addresses.
     println!("cargo::rustc-link-arg-bin={binary}=--icf=all");
 }
