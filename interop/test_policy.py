@@ -193,7 +193,10 @@ def test_a_disagreement_is_over_once_the_channels_have_agreed_for_2004h(
         emcy(pair, mark, node, DISAGREE_CODE)
     both(pair, DISAGREE, DISAGREE)
     assert [pair.read(node, 0x2020) & LATCHED for node in (1, 2)] == [0, 0], "it passes by itself"
-    assert 2.9 < heal_after(plumb, pair, 1) < 6
+    mark = pair.mark()
+    after = heal_after(plumb, pair, 1)
+    told = [bytes(f.data).hex() for f in pair.since(mark, 0x081)]
+    assert 2.9 < after < 6, told
     both(pair, AGREE, AGREE)
     for node in (1, 2):
         assert newest(pair, node)[4] & 0x3F == 0x3F
