@@ -306,6 +306,11 @@ def until(condition: Callable[[], Any], what: str, timeout: float = 6.0) -> Any:
         time.sleep(0.002)
 
 
+def gaps(frames: list[can.Message]) -> list[float]:
+    """Times between frames, seconds of the virtual bus."""
+    return [b.timestamp - a.timestamp for a, b in zip(frames, frames[1:])]
+
+
 def signed(data: bytes) -> list[int]:
     """Little-endian signed 16-bit numbers."""
     return [int.from_bytes(data[i : i + 2], "little", signed=True) for i in range(0, len(data), 2)]

@@ -15,6 +15,7 @@ from master import (
     STOP,
     Master,
     Plumb,
+    gaps,
     slopes,
     until,
 )
@@ -170,11 +171,6 @@ def test_types_254_and_255_are_sent_at_a_change(master: Master, kind: int) -> No
     assert master.next(identifier, mark).data == u(100, 2)
     time.sleep(0.1)
     assert len(master.since(mark, identifier)) == 1
-
-
-def gaps(frames: list[can.Message]) -> list[float]:
-    """Times between frames, seconds of the virtual bus."""
-    return [b.timestamp - a.timestamp for a, b in zip(frames, frames[1:])]
 
 
 @pytest.mark.sheets("objects of presets")

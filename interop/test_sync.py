@@ -5,9 +5,8 @@ from __future__ import annotations
 import time
 from typing import Iterator
 
-import can
 import pytest
-from master import PRE_OPERATIONAL, START, STOP, Master, Plumb, until
+from master import PRE_OPERATIONAL, START, STOP, Master, Plumb, gaps, until
 
 PRODUCE = 0x4000_0000
 BAD_VALUE, WRONG_STATE = 0x0609_0030, 0x0800_0022
@@ -17,11 +16,6 @@ BAD_VALUE, WRONG_STATE = 0x0609_0030, 0x0800_0022
 def plumb() -> Iterator[Plumb]:
     with Plumb() as plumb:
         yield plumb
-
-
-def gaps(frames: list[can.Message]) -> list[float]:
-    """Times between frames, seconds of the virtual bus."""
-    return [b.timestamp - a.timestamp for a, b in zip(frames, frames[1:])]
 
 
 def produce(master: Master, node: int, period_us: int) -> int:
