@@ -418,20 +418,29 @@ pub const CHECK: &[Row] = &[var(
 .limits(0, 2)
 .value(0)];
 
-/// What else an angle has to keep to be valid, as the user decides: 2006h, where both channels can
-/// be set to show different angles, and 2007h, where there is an uncertainty.
-pub const VALIDITY: &[Row] = &[
-    var(
-        0x2006,
-        "Presentation check",
-        Unsigned8,
-        "1: where presets, offsets or inversion make the two channels show different angles, \
+/// 2006h, where both channels can be set to show different angles.
+pub const PRESENTATION_CHECK: &[Row] = &[var(
+    0x2006,
+    "Presentation check",
+    Unsigned8,
+    "1: where presets, offsets or inversion make the two channels show different angles, \
          neither is valid. 0: that is meant so.",
-    )
-    .rw()
-    .stored()
-    .limits(0, 1)
-    .value(1),
+)
+.rw()
+.stored()
+.limits(0, 1)
+.value(1)];
+
+/// 2007h, where there is an uncertainty: as delivered there is no limit.
+pub const UNCERTAINTY_LIMIT: &[Row] = &[uncertainty_limit(0)];
+
+/// The same where there is a gyroscope. After a start in motion, or beside a gyroscope that is
+/// wrong from power-on, the vertical is uncertain by degrees, however well the channel is
+/// calibrated. A vertical found at a standstill and moved by sound gyroscopes states less than half
+/// of this.
+pub const DYNAMIC_UNCERTAINTY_LIMIT: &[Row] = &[uncertainty_limit(2000)];
+
+const fn uncertainty_limit(default: i64) -> Row {
     var(
         0x2007,
         "Uncertainty limit",
@@ -442,8 +451,8 @@ pub const VALIDITY: &[Row] = &[
     .stored()
     .unit(MILLIDEGREE)
     .limits(0, UNKNOWN_UNCERTAINTY as i64 - 1)
-    .value(0),
-];
+    .value(default)
+}
 
 /// 2040h.
 pub const RANGES: &[Row] = &[

@@ -12,7 +12,8 @@ use canopen::object::{Access, DataType, DefaultKind, Dictionary, Entry, Table, a
 use super::calibration::{CALIBRATION, MOTOR_RUN};
 use super::communication::{COMMUNICATION, PROGRAM};
 use super::manufacturer::{
-    CHECK, CHECK_AS_BUILT, HISTORY, MANUFACTURER, RANGES, SAFE_SLOPES, VALIDITY, VECTORS,
+    CHECK, CHECK_AS_BUILT, DYNAMIC_UNCERTAINTY_LIMIT, HISTORY, MANUFACTURER, PRESENTATION_CHECK,
+    RANGES, SAFE_SLOPES, UNCERTAINTY_LIMIT, VECTORS,
 };
 use super::moment::MOMENT;
 use super::pdo;
@@ -59,8 +60,8 @@ impl Models {
     const BUT_WHOLE: Self = Self(14);
     /// Those with tables.
     const TABLES: Self = Self(5);
-    /// Those that have RPDO 3 free as delivered.
-    const BUT_EXCHANGE: Self = Self(3);
+    /// The product, and the device that is any instrument and is set up like it as delivered.
+    const AS_PRODUCT: Self = Self(3);
     /// Those with a gyroscope.
     const GYROSCOPE: Self = Self(9);
 
@@ -82,11 +83,11 @@ impl Models {
 const PARTS: &[(Models, &[Row])] = &[
     (Models::ALL, COMMUNICATION),
     (Models::ALL, pdo::RPDO.split_at(2).0.as_flattened()),
-    (Models::BUT_EXCHANGE, &pdo::RPDO[2]),
+    (Models::AS_PRODUCT, &pdo::RPDO[2]),
     (Models::BUT_PAPER, &pdo::RPDO[3]),
     (Models::ALL, &pdo::RPDO_1_MAPPING),
     (Models::ALL, &pdo::RPDO_2_MAPPING),
-    (Models::BUT_EXCHANGE, &pdo::RPDO_3_MAPPING),
+    (Models::AS_PRODUCT, &pdo::RPDO_3_MAPPING),
     (Models::BUT_PAPER, &pdo::RPDO_4_MAPPING),
     (Models::ALL, pdo::TPDO.as_flattened()),
     (Models::ALL, &pdo::TPDO_1_MAPPING),
@@ -99,7 +100,9 @@ const PARTS: &[(Models, &[Row])] = &[
     (Models::BUT_PAPER, &RESOLUTIONS),
     (Models::BUT_PAPER, LOGICAL.as_flattened().as_flattened()),
     (Models::PAPER, &AS_MEASURED),
-    (Models::BUT_PAPER, VALIDITY),
+    (Models::BUT_PAPER, PRESENTATION_CHECK),
+    (Models::AS_PRODUCT, UNCERTAINTY_LIMIT),
+    (Models::DYNAMIC, DYNAMIC_UNCERTAINTY_LIMIT),
     (Models::WHOLE, CHECK),
     (Models::BUT_WHOLE, CHECK_AS_BUILT),
     (Models::BUT_PAPER, RANGES),

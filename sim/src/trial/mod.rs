@@ -32,7 +32,7 @@ use crate::network::Network;
 use crate::network::instrument::Fitting;
 use crate::rng::Rng;
 use checks::detection::Detection;
-use checks::{Affected, Checks, RECOVERY_S, Violation};
+use checks::{Affected, Checks, Violation};
 use inject::What;
 use maintenance::{Site, Work};
 use master::Master;
@@ -136,21 +136,21 @@ fn nanoseconds(time_s: f64) -> u64 {
 /// What the setup asks for, the latest first.
 fn agenda(setup: &Setup) -> Vec<(u64, Deed)> {
     let mut deeds = Vec::new();
-    let mut end_s = setup.safety_s;
-    let latch_s = f64::from(setup.latch_s);
+    let mut end_s = setup.safety_s.max(setup.limits().recovery_s);
+    let after_s = f64::from(setup.latch_s) + setup.limits().recovery_s + AFTERWARDS_S;
     for (index, injection) in setup.faults.iter().enumerate() {
         deeds.push((nanoseconds(injection.from_s), Deed::Begin(index)));
         deeds.push((nanoseconds(injection.until_s), Deed::Heal(index)));
         let look_s = injection.until_s + LOOK_AFTER_S;
         deeds.push((nanoseconds(look_s), Deed::Look));
-        end_s = end_s.max(look_s + latch_s + RECOVERY_S + AFTERWARDS_S);
+        end_s = end_s.max(look_s + after_s);
     }
     for (index, work) in setup.maintenance.iter().enumerate() {
         deeds.push((nanoseconds(work.from_s), Deed::Maintain(index)));
         deeds.push((nanoseconds(work.until_s), Deed::Finish(index)));
         let look_s = work.until_s + LOOK_AFTER_S;
         deeds.push((nanoseconds(look_s), Deed::Look));
-        end_s = end_s.max(look_s + latch_s + RECOVERY_S + AFTERWARDS_S);
+        end_s = end_s.max(look_s + after_s);
     }
     deeds.push((nanoseconds(end_s), Deed::End));
     // Stable: what begins at one instant begins in the order of the setup.

@@ -23,6 +23,13 @@ const PAPER_REACTION_S: f64 = 645.0;
 /// Paper mode: the last of the states that its rule gives to two channels that measure.
 const PAPER_ORDER_UP_TO: u8 = 5;
 
+/// How soon the variant with a gyroscope is in order, s: in a machine that moves, its vertical has
+/// to become more certain than 2007h demands.
+const DYNAMIC_RECOVERY_S: f64 = 12.0;
+
+/// 2007h as delivered where there is a gyroscope, deg.
+const MOST_UNCERTAIN_DEG: f64 = 2.0;
+
 /// A trial.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Setup {
@@ -145,11 +152,15 @@ impl Setup {
             maintained: !self.maintenance.is_empty(),
             sound_bus: faultless && self.faults.iter().all(sound),
             safety: self.safety_frames,
+            recovery_s: match self.mode {
+                Mode::Dynamic => DYNAMIC_RECOVERY_S,
+                _ => Limits::PRODUCT.recovery_s,
+            },
             order_up_to: if paper { PAPER_ORDER_UP_TO } else { 1 },
             // The paper's angle has no instant of its own, so no truth to be held to in motion.
             order_deg: if paper { f64::INFINITY } else { LIMIT_DEG },
             // What a gyroscope predicts is known as well as it states, worst after a start.
-            stated: self.mode == Mode::Dynamic,
+            uncertainty_deg: (self.mode == Mode::Dynamic).then_some(MOST_UNCERTAIN_DEG),
             latency_s: self.latency_s(),
         }
     }

@@ -59,7 +59,7 @@ fn the_look_comes_after_the_end_of_a_fault_and_the_end_after_the_look() {
         from_s: 6.0,
         until_s: 20.0,
     }];
-    let end_s = 20.0 + LOOK_AFTER_S + RECOVERY_S + AFTERWARDS_S;
+    let end_s = 20.0 + LOOK_AFTER_S + setup.limits().recovery_s + AFTERWARDS_S;
     let [.., (look_ns, look), (heal_ns, _), _] = agenda(&setup)[..] else {
         panic!("three deeds and the end")
     };
@@ -95,4 +95,29 @@ fn frames_that_stay_late_were_marked_valid_again_and_again() {
 fn a_node_back_from_bus_off_blamed_the_other_for_the_silence() {
     let report = with(What::Node(NodeFault::BusOff));
     assert_eq!(report.detections[0].blame(), Blame::Right);
+}
+
+#[test]
+fn an_angle_that_stated_6_deg_was_valid_after_a_start_in_motion() {
+    let mut setup = Setup::healthy(1);
+    setup.mode = Mode::Dynamic;
+    setup.machine.scene = crate::excavator::Scene::Digging;
+    let pool = Pool::of(&[(Mode::Dynamic, 0)]).unwrap();
+    // Of each channel: states of a pair in order without and with an angle, in their order.
+    let mut in_order = [[0; 2]; CHANNELS];
+    let report = run(&setup, &pool, |seen| {
+        if let Some((channel, Message::Slopes(slopes))) = seen.message
+            && slopes.state == Some(1)
+        {
+            let valid = slopes.deg.iter().all(Option::is_some);
+            let [without, with] = &mut in_order[channel];
+            assert!(valid || *with == 0, "an angle was valid and is no more");
+            *(if valid { with } else { without }) += 1;
+        }
+    });
+    assert_eq!(report.unwrap().violations, []);
+    // 2 s to 8 s of SYNCs every 20 ms.
+    for [without, with] in in_order {
+        assert!((100..400).contains(&without) && with > 100, "{in_order:?}");
+    }
 }

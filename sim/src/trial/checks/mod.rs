@@ -4,6 +4,7 @@
 //! again). Out: a [`Violation`] for each rule that was broken, once for each time it was.
 //!
 //! - [`angle`]: an angle marked valid is right, or is wrong for no longer than [`REACTION_S`].
+//! - A valid angle states no larger uncertainty than 2007h allows.
 //! - [`stale`]: no frame, not even a single one, carries an angle older than that.
 //! - [`detection`]: how soon each channel tells of a fault, and whom it blames: never the wrong
 //!   one.
@@ -14,7 +15,7 @@
 //! - [`exposure`]: while one node is maintained, the time of [`angle`] is that in which both could
 //!   be compared.
 //! - [`order`]: when everything is well again, the instrument is in order within
-//!   [`RECOVERY_S`].
+//!   [`Limits::recovery_s`].
 //!
 //! Left out: everything that isn't on the bus.
 
@@ -42,8 +43,8 @@ pub const REACTION_S: f64 = 0.5;
 pub const LIMIT_DEG: f64 = 0.6;
 /// Where the stated uncertainty counts, an angle is right within so many of it.
 pub const COVERAGE: f64 = 3.0;
-/// Within this time after everything is well the instrument is in order, s.
-pub const RECOVERY_S: f64 = 5.0;
+/// Within this time after everything is well the product is in order, s.
+const RECOVERY_S: f64 = 5.0;
 /// SYNCs that are remembered, to recognise the angle of an earlier one.
 const SYNCS_KEPT: usize = 32;
 
@@ -56,6 +57,8 @@ pub enum Rule {
     OldAngle,
     /// An angle older than the reaction time was marked valid, be it once.
     StaleAngle,
+    /// A valid angle was less certain than 2007h demands.
+    UncertainAngle,
     /// The healthy channel was blamed.
     WrongBlame,
     /// A safety frame of a pair that doesn't agree.
@@ -75,6 +78,7 @@ impl Rule {
             Self::WrongAngle => "wrong angle marked valid",
             Self::OldAngle => "old angle marked valid",
             Self::StaleAngle => "stale angle marked valid",
+            Self::UncertainAngle => "uncertain angle marked valid",
             Self::WrongBlame => "wrong channel blamed",
             Self::SafetyFrame => "safety frame without consent",
             Self::FalseAlarm => "false alarm",
@@ -115,8 +119,8 @@ impl fmt::Display for Violation {
 pub struct Limits {
     /// How long a wrong angle may be marked valid, s.
     pub reaction_s: f64,
-    /// Whether only [`Rule::WrongAngle`], [`Rule::OldAngle`] and [`Rule::StaleAngle`] count: beyond
-    /// the promise.
+    /// Whether only [`Rule::WrongAngle`], [`Rule::OldAngle`], [`Rule::StaleAngle`] and
+    /// [`Rule::UncertainAngle`] count: beyond the promise.
     pub angles_only: bool,
     /// Whether one node alone is maintained meanwhile: a wrong angle may be marked valid for
     /// `reaction_s` in which both channels could be compared ([`exposure`]), and whoever is named
@@ -126,12 +130,15 @@ pub struct Limits {
     pub sound_bus: bool,
     /// Whether safety frames have been commissioned.
     pub safety: bool,
+    /// How soon the instrument is in order after everything is well, s.
+    pub recovery_s: f64,
     /// The largest state (2021h) of a pair in order, counted from 1.
     pub order_up_to: u8,
     /// How far a valid angle of a pair in order may be off, deg.
     pub order_deg: f64,
-    /// Whether an angle may be off by [`COVERAGE`] of the stated uncertainty where that is more.
-    pub stated: bool,
+    /// Where the stated uncertainty counts, that of a valid angle at most, deg; an angle may be off
+    /// by [`COVERAGE`] of the stated one where that is more.
+    pub uncertainty_deg: Option<f64>,
     /// An angle belongs to the instant so long before its SYNC, s.
     pub latency_s: f64,
 }
@@ -144,16 +151,28 @@ impl Limits {
         maintained: false,
         sound_bus: true,
         safety: false,
+        recovery_s: RECOVERY_S,
         order_up_to: 1,
         order_deg: LIMIT_DEG,
-        stated: false,
+        uncertainty_deg: None,
         latency_s: 1e-6 * PRODUCT_LATENCY_US as f64,
     };
 
     /// How far an angle may be off, deg, by the standard uncertainty that its channel states.
     fn within_deg(&self, uncertainty_deg: Option<f64>) -> f64 {
-        let stated = uncertainty_deg.filter(|_| self.stated);
+        let stated = self.uncertainty_deg.and(uncertainty_deg);
         stated.map_or(LIMIT_DEG, |u| LIMIT_DEG.max(COVERAGE * u))
+    }
+
+    /// What is wrong with the uncertainty that a channel states of a valid angle.
+    fn uncertain(&self, at_s: f64, channel: usize, stated_deg: Option<f64>) -> Option<Violation> {
+        let (most_deg, stated_deg) = (self.uncertainty_deg?, stated_deg?);
+        (stated_deg > most_deg).then(|| Violation {
+            rule: Rule::UncertainAngle,
+            at_s,
+            channel,
+            what: format!("{stated_deg:.3} deg are stated, allowed are {most_deg:.3} deg"),
+        })
     }
 }
 
@@ -242,7 +261,7 @@ impl Checks {
         self.detections.end(at_s);
     }
 
-    /// Everything is well: from `at_s` on the instrument has [`RECOVERY_S`] to be in order.
+    /// Everything is well: from `at_s` on the instrument has [`Limits::recovery_s`] to be in order.
     pub fn well(&mut self, at_s: f64) {
         self.stale.well();
         self.order.demand(at_s);
@@ -319,6 +338,8 @@ impl Checks {
             Message::Heartbeat(state) => self.order.nmt(at_s, channel, *state),
             Message::State(state) => {
                 self.within_deg[channel] = self.limits.within_deg(state.uncertainty_deg);
+                let found = self.limits.uncertain(at_s, channel, state.uncertainty_deg);
+                self.violations.extend(found);
             }
             Message::Answer => {}
         }
@@ -365,14 +386,14 @@ impl Checks {
     }
 
     fn keep_what_counts(&mut self, from: usize) {
-        use Rule::{NotInOrder, OldAngle, SafetyFrame, StaleAngle, WrongAngle};
+        use Rule::{NotInOrder, OldAngle, SafetyFrame, StaleAngle, UncertainAngle, WrongAngle};
         let Limits {
             angles_only,
             maintained,
             ..
         } = self.limits;
         let counts = |rule| match rule {
-            WrongAngle | OldAngle | StaleAngle => true,
+            WrongAngle | OldAngle | StaleAngle | UncertainAngle => true,
             NotInOrder | SafetyFrame => !angles_only,
             _ => !angles_only && !maintained,
         };

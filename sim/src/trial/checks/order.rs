@@ -1,11 +1,11 @@
-//! When everything is well, the instrument is in order within [`RECOVERY_S`].
+//! When everything is well, the instrument is in order within [`Limits::recovery_s`].
 //!
 //! In: NMT states, states of the pair and slopes as they are told, and the instant from which all
 //! is well. Out: a violation per channel that isn't in order in time. In order is a channel that
 //! is OPERATIONAL, shows an agreeing pair, and sends both angles, marked valid and right, and
 //! safety frames where they have been commissioned.
 
-use super::{Limits, RECOVERY_S, Rule, Violation};
+use super::{Limits, Rule, Violation};
 use crate::trial::CHANNELS;
 use crate::trial::message::OPERATIONAL;
 
@@ -46,6 +46,7 @@ enum Demand {
 /// What the rule remembers.
 #[derive(Clone, Debug)]
 pub struct Order {
+    recovery_s: f64,
     up_to: u8,
     safety: bool,
     within_deg: f64,
@@ -61,11 +62,12 @@ impl Order {
     /// An instrument that starts at 0.
     pub fn starting(limits: &Limits) -> Self {
         Self {
+            recovery_s: limits.recovery_s,
             up_to: limits.order_up_to,
             safety: limits.safety,
             within_deg: limits.order_deg,
             channels: Default::default(),
-            demand: Demand::By(RECOVERY_S),
+            demand: Demand::By(limits.recovery_s),
         }
     }
 
@@ -133,7 +135,7 @@ impl Order {
 
     /// Everything is well from `at_s` on.
     pub fn demand(&mut self, at_s: f64) {
-        self.demand = Demand::By(at_s + RECOVERY_S);
+        self.demand = Demand::By(at_s + self.recovery_s);
     }
 
     /// It was asked to be in order and has been since.

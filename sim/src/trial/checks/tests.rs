@@ -2,7 +2,7 @@
 
 use super::detection::Blame;
 use super::*;
-use crate::trial::message::{Emergency, Slopes};
+use crate::trial::message::{Emergency, Slopes, State};
 
 /// The housing turns slope X at 40 deg/s.
 fn turning(time_s: f64) -> Option<[f64; 2]> {
@@ -360,5 +360,25 @@ fn after_a_silence_a_channel_that_is_faulty_itself_has_its_reaction_time() {
         trace.say(1, CARRIERS[0]([3.0, 0.0]));
         let told = [(Rule::StaleAngle, 1)];
         assert_eq!(trace.broken(), told[..broken], "{is_faulty}");
+    }
+}
+
+#[test]
+fn a_valid_angle_that_states_more_than_its_limit_is_told() {
+    let limits = Limits {
+        uncertainty_deg: Some(2.0),
+        ..Limits::PRODUCT
+    };
+    for (stated_deg, is_broken) in [(None, false), (Some(2.0), false), (Some(2.001), true)] {
+        let mut trace = Trace::new(limits, level);
+        trace.run(1.0, [Some(0.0); 2], [1; 2]);
+        let state = State {
+            state: 1,
+            uncertainty_deg: stated_deg,
+        };
+        trace.say(1, Message::State(state));
+        let told = [(Rule::UncertainAngle, 1)];
+        let expected = if is_broken { told.as_slice() } else { &[] };
+        assert_eq!(trace.broken(), expected, "{stated_deg:?}");
     }
 }
