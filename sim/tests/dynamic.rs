@@ -34,14 +34,20 @@ fn a_calibrated_unit_follows_swing_and_boom_as_it_arrives() {
         }
     }
     let mut all = BoomResult::default();
-    for lever_arm_m in [1.0, 3.0] {
-        let found = bench.on_the_boom(lever_arm_m, 60.0);
-        let (working, resting) = (found.working.rms(), found.resting.rms());
-        assert!(
-            working <= 0.5 && resting <= 0.05,
-            "{lever_arm_m} m: {working} {resting}"
-        );
-        all.join(&found);
+    for machine in [ExcavatorSetup::NOMINAL, ExcavatorSetup::SLEWING] {
+        for lever_arm_m in [1.0, 3.0] {
+            let machine = ExcavatorSetup {
+                lever_arm_m,
+                ..machine
+            };
+            let found = bench.on_the_boom(&machine, 60.0);
+            let (working, resting) = (found.working.rms(), found.resting.rms());
+            assert!(
+                working <= 0.5 && resting <= 0.05,
+                "{machine:?}: {working} {resting}"
+            );
+            all.join(&found);
+        }
     }
     // Twice the standard uncertainty is to cover 95 %.
     let covered = all.covered as f64 / all.valid() as f64;

@@ -81,6 +81,13 @@ impl Fusion {
             state.turned.interrupt();
         }
         state.previous = core::mem::replace(&mut state.latest, latest);
+        // A correction is no turn: it must not count for one between the two verticals, or ahead.
+        let corrected = state.motion.take_corrected();
+        if let Ok(previous) = &mut state.previous {
+            for (up, moved) in previous.up.iter_mut().zip(corrected) {
+                *up = up.wrapping_add(moved);
+            }
+        }
     }
 
     /// The rate that would turn the housing as far within a nominal period.

@@ -6,20 +6,45 @@ use sim::bench::boom::{BoomResult, REST_S};
 use sim::bench::gyroscope::GyroscopeReport;
 use sim::bench::statistics::{Tally, median};
 use sim::bench::{Bench, BenchError, Mode, World};
+use sim::excavator::ExcavatorSetup;
 
 use crate::{Passage, SEED, of_unit, passage, shared, summary, swing};
 
-/// Distances from the boom's pivot, m.
-const LEVERS_M: [f64; 2] = [1.0, 3.0];
+/// Machines and places on their booms, with their names.
+const BOOMS: [(ExcavatorSetup, &str); 4] = [
+    (
+        boom(&ExcavatorSetup::NOMINAL, 1.0),
+        "boom, 1 m from the pivot",
+    ),
+    (
+        boom(&ExcavatorSetup::NOMINAL, 3.0),
+        "boom, 3 m from the pivot",
+    ),
+    (
+        boom(&ExcavatorSetup::SLEWING, 1.0),
+        "slewing boom, 1 m from the pivot",
+    ),
+    (
+        boom(&ExcavatorSetup::SLEWING, 3.0),
+        "slewing boom, 3 m from the pivot",
+    ),
+];
 /// How long a unit digs and rests at each of them, s.
 const BOOM_S: f64 = 120.0;
+
+const fn boom(machine: &ExcavatorSetup, lever_arm_m: f64) -> ExcavatorSetup {
+    ExcavatorSetup {
+        lever_arm_m,
+        ..*machine
+    }
+}
 
 /// Both kinds of instrument through everything that the section shows.
 pub struct Dynamic {
     /// Units through the bench.
     pub units: Vec<Passage>,
-    /// Each unit at each of [`LEVERS_M`], in product mode and with a gyroscope.
-    booms: [Vec<[BoomResult; 2]>; 2],
+    /// Each unit on each of [`BOOMS`], in product mode and with a gyroscope.
+    booms: [Vec<[BoomResult; BOOMS.len()]>; 2],
     /// Largest standard uncertainty of scale and alignment, of each node.
     gains: Vec<f64>,
 }
@@ -51,7 +76,8 @@ impl Dynamic {
              [gyroscope-parts.md](gyroscope-parts.md); {count} units, and of product mode the same \
              ones. \"As it arrives\" is the angle of that very moment. On the boom of an excavator \
              every unit digs and rests for {BOOM_S:.0} s; at rest is what is read {REST_S:.0} s \
-             after the last move and later, with the engine idling.\n\n\
+             after the last move and later, with the engine idling. On a slewing boom the cab \
+             turns by 60 to 120 deg and back in each cycle, at up to 60 deg/s.\n\n\
              | figure | product mode | with a gyroscope | at most | target |\n\
              |---|---|---|---|---|\n"
         );
@@ -62,7 +88,7 @@ impl Dynamic {
         let _ = writeln!(
             page,
             "\nThe motor's turns leave a standard uncertainty of {:.3} % of the gyroscope's scale \
-             and alignment at most (median node). Slewing is in no scene: the cab stands.\n",
+             and alignment at most (median node).\n",
             median(&mut gains) * 100.0
         );
     }
@@ -99,18 +125,17 @@ impl Dynamic {
     }
 
     fn boom_rows(&self, page: &mut String) {
-        let of = |lever: usize, find: fn(&BoomResult) -> Tally| {
+        let of = |place: usize, find: fn(&BoomResult) -> Tally| {
             let tallies = self.booms.each_ref().map(|units| {
-                let found: Vec<_> = units.iter().map(|unit| find(&unit[lever])).collect();
+                let found: Vec<_> = units.iter().map(|unit| find(&unit[place])).collect();
                 summary(&found)
             });
             let [product, dynamic] = tallies;
             [(product.0, dynamic.0), (product.1, dynamic.1)]
         };
-        for (lever, lever_m) in LEVERS_M.iter().enumerate() {
-            let place = format!("boom, {lever_m:.0} m from the pivot");
-            let [rms, largest] = of(lever, |found| found.working);
-            let name = format!("{place}, digging: RMSE, deg");
+        for (place, (_, boom)) in BOOMS.iter().enumerate() {
+            let [rms, largest] = of(place, |found| found.working);
+            let name = format!("{boom}, digging: RMSE, deg");
             row(page, &name, rms, Some(0.5), 3);
             row(
                 page,
@@ -119,8 +144,8 @@ impl Dynamic {
                 None,
                 2,
             );
-            let [rms, largest] = of(lever, |found| found.resting);
-            let name = format!("{place}, at rest: RMSE, deg");
+            let [rms, largest] = of(place, |found| found.resting);
+            let name = format!("{boom}, at rest: RMSE, deg");
             row(page, &name, rms, Some(0.05), 3);
             row(
                 page,
@@ -131,15 +156,15 @@ impl Dynamic {
             );
             let shares = self.booms.each_ref().map(|units| {
                 let mut all = BoomResult::default();
-                units.iter().for_each(|unit| all.join(&unit[lever]));
+                units.iter().for_each(|unit| all.join(&unit[place]));
                 let valid = all.valid().max(1) as f64;
                 let covered = 100.0 * all.covered as f64 / valid;
                 (covered, 100.0 * valid / (valid + all.invalid as f64))
             });
             let [product, dynamic] = shares;
-            let name = format!("{place}: errors within twice the stated uncertainty, %");
+            let name = format!("{boom}: errors within twice the stated uncertainty, %");
             row(page, &name, (product.0, dynamic.0), None, 1);
-            let name = format!("{place}: angles that are valid, %");
+            let name = format!("{boom}: angles that are valid, %");
             row(page, &name, (product.1, dynamic.1), None, 1);
         }
     }
@@ -165,12 +190,12 @@ fn row(
     );
 }
 
-/// What a boom shows of one unit, at each of [`LEVERS_M`], and how its gyroscopes were calibrated.
-type OnBooms = ([BoomResult; 2], Option<[GyroscopeReport; 2]>);
+/// What each of [`BOOMS`] shows of one unit, and how its gyroscopes were calibrated.
+type OnBooms = ([BoomResult; BOOMS.len()], Option<[GyroscopeReport; 2]>);
 
 fn on_booms(mode: Mode, unit: u32) -> Result<OnBooms, BenchError> {
     let (mut bench, _) = Bench::commissioned(mode, &World::NOMINAL, SEED, unit)?;
-    let booms = LEVERS_M.map(|lever_m| bench.on_the_boom(lever_m, BOOM_S));
+    let booms = BOOMS.map(|(machine, _)| bench.on_the_boom(&machine, BOOM_S));
     Ok((booms, bench.gyroscopes))
 }
 

@@ -53,12 +53,11 @@ impl BoomResult {
 }
 
 impl Bench {
-    /// Digs and rests for `duration_s` with the instrument `lever_arm_m` from the pivot.
-    pub fn on_the_boom(&mut self, lever_arm_m: f64, duration_s: f64) -> BoomResult {
+    /// Digs and rests on this machine for `duration_s`.
+    pub fn on_the_boom(&mut self, machine: &ExcavatorSetup, duration_s: f64) -> BoomResult {
         let setup = ExcavatorSetup {
             scene: Scene::StopAndGo,
-            lever_arm_m,
-            ..ExcavatorSetup::NOMINAL
+            ..*machine
         };
         let mut rng = self.rng.fork();
         let mut machine = Standing {

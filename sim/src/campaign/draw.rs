@@ -140,8 +140,14 @@ fn machine(seed: u64) -> ExcavatorSetup {
     let mut rng = stream(seed, "machine");
     let scenes = [Scene::Digging, Scene::StopAndGo, Scene::Standstill];
     let strikes = !one_in(&mut rng, 3);
+    let slews = one_in(&mut stream(seed, "slew"), 3);
     ExcavatorSetup {
         scene: any(&mut rng, scenes),
+        slew_deg: if slews {
+            ExcavatorSetup::SLEWING.slew_deg
+        } else {
+            (0.0, 0.0)
+        },
         lever_arm_m: rng.range(0.0, 1.5),
         sway_deg: rng.range(0.0, 5.0),
         rumble_g: rng.range(0.0, 0.030),

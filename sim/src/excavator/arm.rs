@@ -1,10 +1,11 @@
 //! The arm's path: which angle next, how fast, when the bucket strikes, and how it stops.
 //!
 //! In: the scene and orders with their time, s. Out: pitch with its rate and acceleration,
-//! sway, whether the machine works, and the instants at which the bucket meets the ground.
+//! sway, slew, whether the machine works, and the instants at which the bucket meets the ground.
 //! Every move is a polynomial of the fifth degree whose rate and acceleration end at zero and
 //! start as the arm moves, so nothing jumps, not even when an order cuts a move short.
 
+use super::ExcavatorSetup;
 use crate::rng::Rng;
 use std::collections::VecDeque;
 
@@ -27,6 +28,9 @@ pub(super) struct Pose {
     pub(super) rate_deg_s: f64,
     pub(super) acceleration_deg_s2: f64,
     pub(super) sway_deg: f64,
+    pub(super) slew_deg: f64,
+    pub(super) slew_rate_deg_s: f64,
+    pub(super) slew_acceleration_deg_s2: f64,
 }
 
 /// Pitch at the end of each move of a cycle, degrees, lowest and highest: dig, lift, swing,
@@ -40,9 +44,11 @@ const STATIONS_DEG: [(f64, f64); 5] = [
 ];
 /// The station whose move ends in the ground.
 const DIG: usize = 0;
+/// The stations whose moves slew the cab, out and back.
+const SLEWS: [usize; 2] = [2, 4];
 /// Range of the arm, degrees. `[ASSUME]`
 const PITCH_DEG: (f64, f64) = (-60.0, 50.0);
-/// Fastest the arm goes, deg/s. `[ASSUME]`
+/// Fastest the arm goes, and the cab slews, deg/s. `[ASSUME]`
 const PEAK_DEG_S: f64 = 60.0;
 /// Length of a cycle of five moves, s. `[ASSUME]`
 const CYCLE_S: (f64, f64) = (15.0, 20.0);
@@ -103,6 +109,7 @@ struct Segment {
     per_s: f64,
     pitch: Course,
     sway: Course,
+    slew: Course,
     works: bool,
 }
 
@@ -118,6 +125,12 @@ impl Segment {
                 from.rate_deg_s * length_s,
                 from.acceleration_deg_s2 * length_s * length_s,
                 to.pitch_deg.unwrap_or(from.pitch_deg),
+            ),
+            slew: Course::new(
+                from.slew_deg,
+                from.slew_rate_deg_s * length_s,
+                from.slew_acceleration_deg_s2 * length_s * length_s,
+                to.slew_deg.unwrap_or(from.slew_deg),
             ),
             sway: Course::new(
                 from.sway_deg,
@@ -137,6 +150,9 @@ impl Segment {
             rate_deg_s: self.pitch.rate(u) * self.per_s,
             acceleration_deg_s2: self.pitch.acceleration(u) * self.per_s * self.per_s,
             sway_deg: self.sway.value(u),
+            slew_deg: self.slew.value(u),
+            slew_rate_deg_s: self.slew.rate(u) * self.per_s,
+            slew_acceleration_deg_s2: self.slew.acceleration(u) * self.per_s * self.per_s,
         }
     }
 }
@@ -147,6 +163,7 @@ struct Task {
     length_s: f64,
     pitch_deg: Option<f64>,
     sway_deg: Option<f64>,
+    slew_deg: Option<f64>,
     works: bool,
     strikes: bool,
 }
@@ -157,6 +174,7 @@ impl Task {
             length_s,
             pitch_deg: None,
             sway_deg: None,
+            slew_deg: None,
             works,
             strikes: false,
         }
@@ -168,6 +186,7 @@ impl Task {
 pub(super) struct Arm {
     scene: Scene,
     sway_deg: f64,
+    slew_deg: (f64, f64),
     rng: Rng,
     segment: Segment,
     tasks: VecDeque<Task>,
@@ -178,7 +197,7 @@ pub(super) struct Arm {
 }
 
 impl Arm {
-    pub(super) fn new(scene: Scene, sway_deg: f64, mut rng: Rng) -> Arm {
+    pub(super) fn new(setup: &ExcavatorSetup, mut rng: Rng) -> Arm {
         let (low, high) = STATIONS_DEG[STATIONS_DEG.len() - 1];
         let pitch_deg = rng.range(low, high);
         let from = Pose {
@@ -186,8 +205,9 @@ impl Arm {
             ..Pose::default()
         };
         let mut arm = Arm {
-            scene,
-            sway_deg,
+            scene: setup.scene,
+            sway_deg: setup.sway_deg,
+            slew_deg: setup.slew_deg,
             rng,
             segment: Segment::new(0.0, from, &Task::stay(1.0, false)),
             tasks: VecDeque::new(),
@@ -211,6 +231,7 @@ impl Arm {
         let rest_deg = from.pitch_deg + 0.5 * from.rate_deg_s * STOPPING_S;
         let task = Task {
             pitch_deg: Some(rest_deg.clamp(PITCH_DEG.0, PITCH_DEG.1)),
+            slew_deg: Some(from.slew_deg + 0.5 * from.slew_rate_deg_s * STOPPING_S),
             ..Task::stay(STOPPING_S, false)
         };
         self.segment = Segment::new(now_s, from, &task);
@@ -267,6 +288,8 @@ impl Arm {
         let from = Pose {
             rate_deg_s: 0.0,
             acceleration_deg_s2: 0.0,
+            slew_rate_deg_s: 0.0,
+            slew_acceleration_deg_s2: 0.0,
             ..end
         };
         if self.tasks.is_empty() {
@@ -275,9 +298,9 @@ impl Arm {
         let mut task = self.tasks.pop_front().unwrap_or(Task::stay(1.0, false));
         // A way too long for its time is cut, so that the arm never exceeds its peak rate.
         let reach_deg = PEAK_DEG_S * task.length_s / PEAK_OVER_MEAN;
-        task.pitch_deg = task
-            .pitch_deg
-            .map(|to| to.clamp(from.pitch_deg - reach_deg, from.pitch_deg + reach_deg));
+        let within = |to: f64, from: f64| to.clamp(from - reach_deg, from + reach_deg);
+        task.pitch_deg = task.pitch_deg.map(|to| within(to, from.pitch_deg));
+        task.slew_deg = task.slew_deg.map(|to| within(to, from.slew_deg));
         self.segment = Segment::new(start_s, from, &task);
         self.strikes_s.clear();
         if task.strikes {
@@ -314,23 +337,42 @@ impl Arm {
         }
     }
 
+    /// Where the cab slews to in the move to this station: out to empty the bucket, and back.
+    fn plan_slew(&mut self) -> Option<f64> {
+        let (least, most) = self.slew_deg;
+        if most == 0.0 || !SLEWS.contains(&self.station) {
+            return None;
+        }
+        let out = self.station == SLEWS[0];
+        Some(match out {
+            true => self.rng.range(least, most),
+            false => 0.0,
+        })
+    }
+
     /// Plans moves that fill `work_s` exactly, each with a short pause after it. The time goes
     /// to the moves by their way and by a pace drawn for each.
     fn plan_work(&mut self, from_deg: f64, work_s: f64, moves: usize) {
         let mut free_s = work_s;
         let mut total_cost = 0.0;
-        let mut at_deg = from_deg;
+        let (mut at_deg, mut out_deg) = (from_deg, 0.0f64);
         let first = self.tasks.len();
         for _ in 0..moves {
             let (low, high) = STATIONS_DEG[self.station];
             let pitch_deg = self.rng.range(low, high);
             let pace = self.rng.range(0.7, 1.4);
             let pause_s = self.rng.range(PAUSE_S.0, PAUSE_S.1);
-            let cost = ((pitch_deg - at_deg).abs() + START_COST_DEG) / pace;
+            let slew_deg = self.plan_slew();
+            // Out or back, the cab goes as far as it went or will go.
+            let slews_deg = slew_deg.map_or(0.0, |to| to.max(out_deg));
+            out_deg = slew_deg.unwrap_or(out_deg);
+            let way_deg = (pitch_deg - at_deg).abs().max(slews_deg);
+            let cost = (way_deg + START_COST_DEG) / pace;
             self.tasks.push_back(Task {
                 length_s: cost,
                 pitch_deg: Some(pitch_deg),
                 sway_deg: Some(self.rng.range(-self.sway_deg, self.sway_deg)),
+                slew_deg,
                 works: true,
                 strikes: self.station == DIG,
             });
@@ -349,7 +391,11 @@ mod tests {
     use super::*;
 
     fn arm(scene: Scene, seed: u64) -> Arm {
-        Arm::new(scene, 3.0, Rng::stream(seed, "arm"))
+        let setup = ExcavatorSetup {
+            scene,
+            ..ExcavatorSetup::NOMINAL
+        };
+        Arm::new(&setup, Rng::stream(seed, "arm"))
     }
 
     /// Lengths of the runs of ticks in which `holds` says no, and of those in which it says yes.

@@ -4,11 +4,13 @@
 //! [`Motion`] per tick: the pitch of the arm is slope Y (the paper's pitch, section VII), a few
 //! degrees of sway are slope X. The sensor sits on the boom, along the housing's y at
 //! [`ExcavatorSetup::lever_arm_m`] from its pivot, so turning adds a centripetal force along y
-//! and a tangential one across the boom (erratum E15). The figures are those of spec/sensor.md,
+//! and a tangential one across the boom (erratum E15). Where the cab slews, the housing goes round
+//! the slew axis as well, which adds a rate about the vertical and forces towards the axis and
+//! along the circle. The figures are those of spec/sensor.md,
 //! all `[ASSUME]`: cycles of 15-20 s, moves of 20-45 deg/s with peaks up to 60, vibration of 30 mg
 //! rms from 3 to 25 Hz and 50 mg rms at 80 Hz on each axis, shocks of 1-5 g when the bucket meets
 //! the ground. With the engine idling vibration is a tenth.
-//! Left out: the slewing of the cab, the bending of the boom, and the forces of the sway.
+//! Left out: the bending of the boom, and the forces of the sway.
 
 mod arm;
 
@@ -29,6 +31,9 @@ pub struct ExcavatorSetup {
     pub lever_arm_m: f64,
     /// Largest sway on slope X, degrees either side, below 30.
     pub sway_deg: f64,
+    /// How far the cab slews to where the bucket is emptied, and back, while the arm swings and
+    /// returns, degrees, least and most; 0 and 0 where it stands.
+    pub slew_deg: (f64, f64),
     /// Vibration from 3 to 25 Hz at work, g rms per axis.
     pub rumble_g: f64,
     /// The engine's tone at 80 Hz at work, g rms per axis.
@@ -43,9 +48,16 @@ impl ExcavatorSetup {
         scene: Scene::Digging,
         lever_arm_m: 1.0,
         sway_deg: 3.0,
+        slew_deg: (0.0, 0.0),
         rumble_g: 0.030,
         engine_g: 0.050,
         shock_g: (1.0, 5.0),
+    };
+
+    /// The same machine where the cab slews, by up to the arm's peak rate. `[ASSUME]`
+    pub const SLEWING: ExcavatorSetup = ExcavatorSetup {
+        slew_deg: (60.0, 120.0),
+        ..Self::NOMINAL
     };
 
     /// The machine of the paper's section VII: the same moves, shaken as little as Fig 21 shows.
@@ -76,6 +88,8 @@ const RUMBLE_EVERY: u32 = 5;
 const ENGINE_HZ: f64 = 80.0;
 /// Vibration with the engine idling, as a share of that at work. `[ASSUME]`
 const IDLE_SHARE: f64 = 0.1;
+/// Distance of the boom's pivot from the slew axis, m. `[ASSUME]`
+const PIVOT_M: f64 = 0.5;
 /// Time constant of the engine's change between the two, s. `[ASSUME]`
 const ENGINE_LAG_S: f64 = 0.2;
 /// Frequency of a shock, Hz, and its length, s. `[ASSUME]`
@@ -88,8 +102,8 @@ pub struct Excavator {
     setup: ExcavatorSetup,
     arm: Arm,
     shaking: Shaking,
-    /// Gravity along the housing's axes at the last tick, g.
-    gravity_g: Option<[f64; 3]>,
+    /// Gravity along the housing's axes at the last tick, g, and how far the cab had slewed, deg.
+    before: Option<([f64; 3], f64)>,
 }
 
 impl Excavator {
@@ -98,9 +112,9 @@ impl Excavator {
     pub fn new(setup: &ExcavatorSetup, rng: &mut Rng) -> Excavator {
         Excavator {
             setup: *setup,
-            arm: Arm::new(setup.scene, setup.sway_deg, rng.fork()),
+            arm: Arm::new(setup, rng.fork()),
             shaking: Shaking::new(setup, rng.fork()),
-            gravity_g: None,
+            before: None,
         }
     }
 
@@ -134,11 +148,21 @@ impl Mover for Excavator {
             shaking_g = add(shaking_g, shock_g);
         }
         let gravity_g = gravity_g(&pose);
-        let before_g = self.gravity_g.replace(gravity_g).unwrap_or(gravity_g);
-        let turning_g = turning_g(gravity_g, &pose, self.setup.lever_arm_m);
+        let now = (gravity_g, pose.slew_deg);
+        let (before_g, before_deg) = self.before.replace(now).unwrap_or(now);
+        let mut turning_g = turning_g(gravity_g, &pose, self.setup.lever_arm_m);
+        let mut rate_dps = rate_dps(before_g, gravity_g);
+        if pose.slew_deg != before_deg {
+            turning_g = add(
+                turning_g,
+                slewing_g(gravity_g, &pose, self.setup.lever_arm_m),
+            );
+            let slew_dps = (pose.slew_deg - before_deg) / TICK_S;
+            rate_dps = add(rate_dps, gravity_g.map(|up| up * slew_dps));
+        }
         Motion {
             force_g: add(turning_g, shaking_g),
-            rate_dps: rate_dps(before_g, gravity_g),
+            rate_dps,
             attitude: Attitude {
                 slope_x_deg: pose.sway_deg,
                 slope_y_deg: pose.pitch_deg,
@@ -197,6 +221,24 @@ fn turning_g([x, y, z]: [f64; 3], pose: &Pose, lever_arm_m: f64) -> [f64; 3] {
         x + tangential * x,
         y - lever * rate * rate,
         z + tangential * z,
+    ]
+}
+
+/// The forces of going round the slew axis, g: towards it, and along the circle with what the way
+/// out and in adds to it (Coriolis).
+fn slewing_g([x, y, z]: [f64; 3], pose: &Pose, lever_arm_m: f64) -> [f64; 3] {
+    let level = (1.0 - y * y).sqrt();
+    let radius_m = PIVOT_M + lever_arm_m * level;
+    let outwards_m_s = -lever_arm_m * y * pose.rate_deg_s.to_radians();
+    let slew = pose.slew_rate_deg_s.to_radians();
+    let outwards = -radius_m * slew * slew;
+    let along = radius_m * pose.slew_acceleration_deg_s2.to_radians() + 2.0 * outwards_m_s * slew;
+    let [outwards, along] = [outwards, along].map(|a| a / (STANDARD_GRAVITY_M_S2 * level));
+    // Outwards is the part of y that is level, along is up times that.
+    [
+        -outwards * y * x - along * z,
+        outwards * (1.0 - y * y),
+        -outwards * y * z + along * x,
     ]
 }
 

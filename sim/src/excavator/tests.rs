@@ -39,35 +39,77 @@ fn without_roughness_it_feels_gravity_and_the_truth_is_its_slopes() {
     }
 }
 
+/// Along the housing's axes, which slew and pitch have turned, deg.
+fn along_axes([east, north, up]: [f64; 3], slew_deg: f64, pitch_deg: f64) -> [f64; 3] {
+    let (sin, cos) = slew_deg.to_radians().sin_cos();
+    let (outwards, along) = (cos * east + sin * north, cos * north - sin * east);
+    let (sin, cos) = pitch_deg.to_radians().sin_cos();
+    [-along, cos * outwards + sin * up, cos * up - sin * outwards]
+}
+
 #[test]
 fn the_force_on_the_boom_is_the_acceleration_of_its_path() {
-    let setup = ExcavatorSetup {
-        lever_arm_m: 1.0,
-        sway_deg: 0.0,
-        ..ExcavatorSetup::SMOOTH
-    };
-    let mut machine = machine(&setup, 2);
-    let mut largest = 0.0f64;
-    for tick in 0..60_000 {
-        let motion = machine.step(at(tick));
-        let h = 1e-4;
-        let place = |t: f64| {
-            let (sin, cos) = machine.arm.pose(t).pitch_deg.to_radians().sin_cos();
-            [cos, sin]
+    for (slew_deg, most) in [((0.0, 0.0), 0.0), ((60.0, 120.0), 0.05)] {
+        let setup = ExcavatorSetup {
+            lever_arm_m: 1.0,
+            sway_deg: 0.0,
+            slew_deg,
+            ..ExcavatorSetup::SMOOTH
         };
-        let (a, b, c) = (place(at(tick) - h), place(at(tick)), place(at(tick) + h));
-        let felt = |i: usize| (a[i] - 2.0 * b[i] + c[i]) / (h * h) / STANDARD_GRAVITY_M_S2;
-        let (ahead, up) = (felt(0), felt(1) + 1.0);
-        let (sin, cos) = motion.attitude.turn_deg.to_radians().sin_cos();
-        let want = [0.0, cos * ahead + sin * up, -sin * ahead + cos * up];
-        let far = (0..3)
-            .map(|i| (want[i] - motion.force_g[i]).abs())
-            .fold(0.0, f64::max);
-        // Where one move ends the next acceleration is another; a difference spans both.
-        assert!(far < 2e-4, "{tick}: {want:?} {motion:?}");
-        largest = largest.max((motion.force_g[1] - sin).abs());
+        let mut machine = machine(&setup, 2);
+        let (mut centripetal, mut sideways) = (0.0f64, 0.0f64);
+        for tick in 0..60_000 {
+            let motion = machine.step(at(tick));
+            let h = 1e-4;
+            let pose = |t: f64| machine.arm.pose(t);
+            let place = |t: f64| {
+                let (sin, cos) = pose(t).pitch_deg.to_radians().sin_cos();
+                let radius = PIVOT_M + cos;
+                let slew = pose(t).slew_deg.to_radians();
+                [radius * slew.cos(), radius * slew.sin(), sin]
+            };
+            let (a, b, c) = (place(at(tick) - h), place(at(tick)), place(at(tick) + h));
+            let felt = |i: usize| (a[i] - 2.0 * b[i] + c[i]) / (h * h) / STANDARD_GRAVITY_M_S2;
+            let now = pose(at(tick));
+            let felt = [felt(0), felt(1), felt(2) + 1.0];
+            let want = along_axes(felt, now.slew_deg, now.pitch_deg);
+            let far = (0..3)
+                .map(|i| (want[i] - motion.force_g[i]).abs())
+                .fold(0.0, f64::max);
+            // Where one move ends the next acceleration is another; a difference spans both.
+            assert!(far < 4e-4, "{tick}: {want:?} {motion:?}");
+            let level = now.pitch_deg.to_radians().sin();
+            centripetal = centripetal.max((motion.force_g[1] - level).abs());
+            sideways = sideways.max(motion.force_g[0].abs());
+        }
+        assert!(centripetal > 0.03, "{centripetal}");
+        assert!((sideways > most) == (most > 0.0), "{sideways}");
     }
-    assert!(largest > 0.03, "the centripetal force must show: {largest}");
+}
+
+#[test]
+fn a_cab_that_slews_turns_the_housing_about_the_vertical_and_comes_back() {
+    let mut machine = machine(&ExcavatorSetup::SLEWING, 3);
+    let (mut fastest, mut farthest, mut turned_deg) = (0.0f64, 0.0f64, 0.0f64);
+    let mut home = 0;
+    for tick in 0..120_000 {
+        let motion = machine.step(at(tick));
+        let gravity = gravity_g(&machine.arm.pose(at(tick)));
+        let about_up: f64 = (0..3).map(|i| motion.rate_dps[i] * gravity[i]).sum();
+        turned_deg += about_up * TICK_S;
+        let slew_deg = machine.arm.pose(at(tick)).slew_deg;
+        // What turns gravity turns about level axes.
+        assert!(
+            (turned_deg - slew_deg).abs() < 0.5,
+            "{tick}: {turned_deg} {slew_deg}"
+        );
+        fastest = fastest.max(about_up.abs());
+        farthest = farthest.max(slew_deg);
+        home += u32::from(slew_deg.abs() < 1e-9);
+    }
+    assert!((40.0..=60.5).contains(&fastest), "{fastest}");
+    assert!((80.0..=120.0).contains(&farthest), "{farthest}");
+    assert!(home > 30_000, "{home}");
 }
 
 #[test]

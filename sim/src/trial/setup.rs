@@ -193,11 +193,13 @@ impl fmt::Display for Setup {
         )?;
         writeln!(
             f,
-            "machine        {:?}, sensor {:.2} m from the pivot, sway {:.1} deg, rumble {:.0} mg, \
-             engine {:.0} mg, shocks {:.1} to {:.1} g",
+            "machine        {:?}, sensor {:.2} m from the pivot, sway {:.1} deg, slew {:.0} to {:.0} \
+             deg, rumble {:.0} mg, engine {:.0} mg, shocks {:.1} to {:.1} g",
             machine.scene,
             machine.lever_arm_m,
             machine.sway_deg,
+            machine.slew_deg.0,
+            machine.slew_deg.1,
             machine.rumble_g * 1e3,
             machine.engine_g * 1e3,
             machine.shock_g.0,

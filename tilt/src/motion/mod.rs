@@ -120,6 +120,8 @@ pub struct MotionState {
     warmed: i32,
     covariance: Covariance,
     block: Block,
+    /// How far corrections have moved the vertical, see [`MotionState::take_corrected`].
+    corrected: [i32; 3],
     /// With what contradicts, and without it.
     uncertainty: Uncertainty,
     unshared: Uncertainty,
@@ -156,7 +158,12 @@ impl Motion {
         let seen = accel.accel.iter().all(measurable);
         state.block.add(&state.frame, turn, accel, seen);
         if state.block.samples() >= BLOCK {
+            let before = state.frame.up();
             self.filter(state);
+            let moved = state.frame.up().into_iter().zip(before);
+            for (sum, (now, before)) in state.corrected.iter_mut().zip(moved) {
+                *sum = sum.wrapping_add(now.wrapping_sub(before));
+            }
             state.lost &= state.uncertainty > self.limit;
         }
         if state.lost || state.uncertainty > self.limit {
@@ -288,9 +295,10 @@ impl Motion {
         let seen = fade(state.seen << 16) >> 16;
         let speed = if state.quiet.at_rest() {
             // What was seen may come again. What was expected at the start has not come where
-            // hardly any was seen before this rest.
+            // hardly any was seen before this rest, of a vertical that has been found: with one
+            // that is off by more than half a degree a velocity may have passed for tilt.
             state.seen = seen;
-            if seen <= self.least_speed {
+            if seen <= self.least_speed && state.covariance.tilt() < self.found {
                 state.expected = 0;
             }
             // Whatever velocity is left has come from a wrong vertical.
@@ -355,6 +363,13 @@ impl MotionState {
         self.restart();
         self.learned = false;
         self.lost = false;
+    }
+
+    /// How far corrections have moved the vertical since this was last asked for, in the housing's
+    /// axes, 2^-30 per step. A vertical from before is moved by it: what is between the two is then
+    /// what the housing has turned.
+    pub fn take_corrected(&mut self) -> [i32; 3] {
+        core::mem::take(&mut self.corrected)
     }
 
     /// The gyroscope's bias as estimated, 2^-32 rad/s per step; `None` before the start.

@@ -25,6 +25,10 @@ use super::{Motion, MotionState, mean_square};
 /// may be a moment between two moves.
 const CONTRADICTS: u32 = 2;
 
+/// At rest the acceleration may drift no more than from one block to the next in so many: a bias of
+/// the gyroscope that is not known yet turns the frame meanwhile.
+pub(super) const DRIFT_BLOCKS: u32 = 3;
+
 /// For how long the machine has been quiet.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Quiet {
@@ -38,7 +42,8 @@ pub(super) struct Quiet {
     beside: i64,
     /// Velocity that the last block gained, 2^-30 g s per step.
     gained: [i32; 2],
-    /// The same of the first block that looked like rest.
+    /// The same of a block before, from which the acceleration must not drift: the first one that
+    /// looked like rest, and at rest one of the last [`DRIFT_BLOCKS`].
     first: [i32; 2],
 }
 
@@ -74,7 +79,7 @@ impl Motion {
             false => 5 * 5,
         };
         let tilt = (deviations * i64::from(state.covariance.tilt()) * fall * fall) >> 20;
-        let noise = mean_square([self.rest_gain as i32; 2]) >> 15;
+        let noise = (i64::from(self.rest_gain) * i64::from(self.rest_gain)) >> 15;
         let level = square < tilt + noise;
         let quiet = &mut state.quiet;
         // A gyroscope that is wrong turns, too; but a cab that slews faster feels it.
@@ -99,10 +104,15 @@ impl Motion {
             (quiet.rest, quiet.at_rest) = (0, false);
             return;
         }
-        // Where a boom turns back it is slow and steady, too, but its acceleration drifts.
-        let doubted = state.covariance.tilt() > self.doubt && !quiet.at_rest;
-        if quiet.rest == 0 || (doubted && !self.alike(gained, quiet.first)) {
-            (quiet.rest, quiet.first) = (0, gained);
+        // Where a boom turns back, or sets out, it is slow and steady, too, but its acceleration
+        // drifts: it must not before rest counts that ends a doubt, and none in a rest without one.
+        let vague = state.covariance.tilt() > self.doubt;
+        let doubted = vague && !quiet.at_rest;
+        let drifts = vague != quiet.at_rest && !self.alike(gained, quiet.first);
+        if quiet.rest == 0 || drifts {
+            (quiet.rest, quiet.at_rest, quiet.first) = (0, false, gained);
+        } else if !doubted && quiet.rest.is_multiple_of(DRIFT_BLOCKS) {
+            quiet.first = gained;
         }
         quiet.rest = quiet.rest.saturating_add(1);
         let enough = match doubted {

@@ -1,7 +1,8 @@
 //! The same estimator in real numbers, with all matrices written out: what the integers are held
 //! against. It shares no arithmetic with them.
 
-use super::settings::{DOUBT, DOUBTED_S};
+use super::quiet::DRIFT_BLOCKS;
+use super::settings::{DOUBT, DOUBTED_S, FOUND};
 use super::{BLOCK, Expected};
 
 const N: usize = 16;
@@ -175,7 +176,8 @@ impl Reference {
         self.change = mean(self.before).max(self.change * fade);
         self.seen *= fade;
         let speed = if self.at_rest {
-            if self.seen <= e.least_speed.powi(2) {
+            let tilt = self.p[2][2].midpoint(self.p[3][3]).sqrt();
+            if self.seen <= e.least_speed.powi(2) && tilt < FOUND {
                 self.expected = 0.0;
             }
             e.rest_speed.powi(2)
@@ -215,9 +217,12 @@ impl Reference {
         let tilt = 25.0 * self.p[2][2].midpoint(self.p[3][3]) * block_s.powi(2);
         let level = square < tilt + (e.rest_accel * block_s).powi(2);
         let tilt = self.p[2][2].midpoint(self.p[3][3]).sqrt();
-        let doubted = tilt > DOUBT && !self.at_rest;
-        if self.quiet == 0 || (doubted && !alike(self.first)) {
-            (self.quiet, self.first) = (0, self.gained);
+        let vague = tilt > DOUBT;
+        let doubted = vague && !self.at_rest;
+        if self.quiet == 0 || (vague != self.at_rest && !alike(self.first)) {
+            (self.quiet, self.at_rest, self.first) = (0, false, self.gained);
+        } else if !doubted && self.quiet.is_multiple_of(DRIFT_BLOCKS) {
+            self.first = self.gained;
         }
         let at_rest = slow && steady && level;
         self.quiet = if at_rest { self.quiet + 1 } else { 0 };

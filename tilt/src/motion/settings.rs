@@ -173,6 +173,8 @@ pub struct Motion {
     pub(super) gravity: core::ops::RangeInclusive<u64>,
     /// Variance of tilt above which rest takes longer, and how many blocks.
     pub(super) doubt: i32,
+    /// Variance of tilt below which the vertical has been found.
+    pub(super) found: i32,
     pub(super) doubted_blocks: u32,
     /// Blocks of contradiction until the vertical is found anew.
     pub(super) refuted_blocks: u32,
@@ -189,6 +191,10 @@ const ERROR: f64 = 0.0625;
 
 /// Standard uncertainty of a vertical that is hardly known, rad: five of it explain 0.17 g beside.
 pub(super) const DOUBT: f64 = 0.035;
+
+/// The same of one that has been found, rad: what was expected of the machine at the start is no
+/// longer needed.
+pub(super) const FOUND: f64 = 0.009;
 
 /// For how long rest has to last there, s.
 pub(super) const DOUBTED_S: f64 = 0.7;
@@ -243,6 +249,7 @@ impl Motion {
             rest_blocks: (e.rest_after_s / block_s + 1.0) as u32,
             gravity: length_square(1.0 - e.gravity)..=length_square(1.0 + e.gravity),
             doubt: variance(DOUBT, TILT),
+            found: variance(FOUND, TILT),
             doubted_blocks: (DOUBTED_S / block_s + 1.0) as u32,
             refuted_blocks: (e.refuted_after_s / block_s + 1.0) as u32,
             accel_variance: variance(e.accel_offset, TILT),
