@@ -14,6 +14,8 @@
 
 mod arm;
 
+use std::fmt;
+
 use crate::TICK_S;
 use crate::motion::vibration::{BandNoise, Burst, Tone};
 use crate::motion::{Attitude, Motion, Mover, STANDARD_GRAVITY_M_S2, add, rate_dps};
@@ -80,6 +82,24 @@ impl ExcavatorSetup {
         shock_g: (0.0, 0.0),
         ..Self::NOMINAL
     };
+}
+
+impl fmt::Display for ExcavatorSetup {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "{:?}, sensor {:.2} m from the pivot, sway {:.1} deg, slew {:.0} to {:.0} deg, ",
+            self.scene, self.lever_arm_m, self.sway_deg, self.slew_deg.0, self.slew_deg.1
+        )?;
+        write!(
+            f,
+            "rumble {:.0} mg, engine {:.0} mg, shocks {:.1} to {:.1} g",
+            self.rumble_g * 1e3,
+            self.engine_g * 1e3,
+            self.shock_g.0,
+            self.shock_g.1
+        )
+    }
 }
 
 /// Band of the rumble, Hz, and the ticks between its points: a tenth of the upper edge's period.

@@ -183,7 +183,6 @@ fn store(memory: &mut Memory, record: Record, told: &[(Address, Value)]) {
 
 impl fmt::Display for Setup {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let machine = &self.machine;
         let rates = &self.rates;
         writeln!(f, "seed           {}", self.seed)?;
         writeln!(
@@ -191,20 +190,7 @@ impl fmt::Display for Setup {
             "instrument     {:?}, unit {}, switched on {} times before",
             self.mode, self.unit, self.power_cycles
         )?;
-        writeln!(
-            f,
-            "machine        {:?}, sensor {:.2} m from the pivot, sway {:.1} deg, slew {:.0} to {:.0} \
-             deg, rumble {:.0} mg, engine {:.0} mg, shocks {:.1} to {:.1} g",
-            machine.scene,
-            machine.lever_arm_m,
-            machine.sway_deg,
-            machine.slew_deg.0,
-            machine.slew_deg.1,
-            machine.rumble_g * 1e3,
-            machine.engine_g * 1e3,
-            machine.shock_g.0,
-            machine.shock_g.1
-        )?;
+        writeln!(f, "machine        {}", self.machine)?;
         writeln!(
             f,
             "bus            {} kbit/s, SYNC every {:.3} ms, host's clock {:+.1} ppm",
