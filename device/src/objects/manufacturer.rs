@@ -436,8 +436,7 @@ pub const UNCERTAINTY_LIMIT: &[Row] = &[uncertainty_limit(0)];
 
 /// The same where there is a gyroscope. After a start in motion, or beside a gyroscope that is
 /// wrong from power-on, the vertical is uncertain by degrees, however well the channel is
-/// calibrated. A vertical found at a standstill and moved by sound gyroscopes states less than half
-/// of this.
+/// calibrated.
 pub const DYNAMIC_UNCERTAINTY_LIMIT: &[Row] = &[uncertainty_limit(2000)];
 
 const fn uncertainty_limit(default: i64) -> Row {

@@ -77,7 +77,7 @@ impl Dynamic {
              ones. \"As it arrives\" is the angle of that very moment. On the boom of an excavator \
              every unit digs and rests for {BOOM_S:.0} s; at rest is what is read {REST_S:.0} s \
              after the last move and later, with the engine idling. On a slewing boom the cab \
-             turns by 60 to 120 deg and back in each cycle, at up to 60 deg/s.\n\n\
+             turns out by up to 120 deg and back, at up to 60 deg/s.\n\n\
              | figure | product mode | with a gyroscope | at most | target |\n\
              |---|---|---|---|---|\n"
         );

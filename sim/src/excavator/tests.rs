@@ -77,7 +77,7 @@ fn the_force_on_the_boom_is_the_acceleration_of_its_path() {
                 .map(|i| (want[i] - motion.force_g[i]).abs())
                 .fold(0.0, f64::max);
             // Where one move ends the next acceleration is another; a difference spans both.
-            assert!(far < 4e-4, "{tick}: {want:?} {motion:?}");
+            assert!(far < 2e-4, "{tick}: {want:?} {motion:?}");
             let level = now.pitch_deg.to_radians().sin();
             centripetal = centripetal.max((motion.force_g[1] - level).abs());
             sideways = sideways.max(motion.force_g[0].abs());

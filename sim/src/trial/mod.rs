@@ -136,8 +136,9 @@ fn nanoseconds(time_s: f64) -> u64 {
 /// What the setup asks for, the latest first.
 fn agenda(setup: &Setup) -> Vec<(u64, Deed)> {
     let mut deeds = Vec::new();
-    let mut end_s = setup.safety_s.max(setup.limits().recovery_s);
-    let after_s = f64::from(setup.latch_s) + setup.limits().recovery_s + AFTERWARDS_S;
+    let recovery_s = setup.limits().recovery_s;
+    let mut end_s = setup.safety_s.max(recovery_s);
+    let after_s = f64::from(setup.latch_s) + recovery_s + AFTERWARDS_S;
     for (index, injection) in setup.faults.iter().enumerate() {
         deeds.push((nanoseconds(injection.from_s), Deed::Begin(index)));
         deeds.push((nanoseconds(injection.until_s), Deed::Heal(index)));

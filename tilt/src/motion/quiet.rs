@@ -25,8 +25,8 @@ use super::{Motion, MotionState, mean_square};
 /// may be a moment between two moves.
 const CONTRADICTS: u32 = 2;
 
-/// At rest the acceleration may drift no more than from one block to the next in so many: a bias of
-/// the gyroscope that is not known yet turns the frame meanwhile.
+/// At rest the acceleration may change as little over so many blocks as from one to the next. Over
+/// more, a bias of the gyroscope that is not known yet would turn the frame too far.
 pub(super) const DRIFT_BLOCKS: u32 = 3;
 
 /// For how long the machine has been quiet.
@@ -105,7 +105,7 @@ impl Motion {
             return;
         }
         // Where a boom turns back, or sets out, it is slow and steady, too, but its acceleration
-        // drifts: it must not before rest counts that ends a doubt, and none in a rest without one.
+        // drifts. So it must not drift while a doubted vertical waits for rest, nor during a rest.
         let vague = state.covariance.tilt() > self.doubt;
         let doubted = vague && !quiet.at_rest;
         let drifts = vague != quiet.at_rest && !self.alike(gained, quiet.first);
