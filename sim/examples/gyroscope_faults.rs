@@ -217,9 +217,9 @@ const HEALTHY: &str = "
 Without a fault. An *alarm* is any accusation of a channel, any EMCY without a cause and any other
 rule of a trial that is broken, for example by angles that are still not valid 12 s after a start
 in motion; standard error names it. The last column counts the readings of a valid angle that was
-off by more than 0.6 deg for longer than the reaction time. They come from starts while the machine digs:
-an estimator that begins in motion states its uncertainty (2022h), and it is larger than 0.6 deg
-until the machine has paused.
+off by more than 0.6 deg for longer than the reaction time. They come from starts while the
+machine digs: an estimator that begins in motion states its uncertainty (2022h), and it is larger
+than 0.6 deg until the machine has paused.
 
 | scene | hours | alarms | readings off by more than 0.6 deg |
 |---|---|---|---|";
