@@ -121,6 +121,7 @@ impl ToldTurn {
             activity: Activity(self.activity),
             bias: None,
             accel: 0,
+            away: 0,
         })
     }
 }

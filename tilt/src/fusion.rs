@@ -272,6 +272,7 @@ impl FusionState {
         Some(Turned {
             bias,
             accel,
+            away: self.rates.away(),
             ..turned
         })
     }

@@ -72,6 +72,8 @@ pub struct RateAt {
     /// What to subtract from the product: the matrix times the bias, less half a step of the
     /// result, so that it is rounded; 2^-54 rad/s per step.
     offset: [i64; 3],
+    /// How far the temperature is from 25 degC, 2^-8 degC.
+    away: u16,
 }
 
 impl RateCorrection {
@@ -146,7 +148,12 @@ impl RateCorrection {
             let sum: i64 = products.map(|(&m, b)| i64::from(m) * i64::from(b)).sum();
             *offset = (sum >> 6) - (1 << 29);
         }
-        RateAt { matrix, offset }
+        let away = d.unsigned_abs() as u16;
+        RateAt {
+            matrix,
+            offset,
+            away,
+        }
     }
 
     /// The matrix at a distance from 25 degC, 2^-8 degC.
@@ -177,6 +184,11 @@ impl RateCorrection {
 }
 
 impl RateAt {
+    /// How far its temperature is from 25 degC, 2^-8 degC.
+    pub const fn away(&self) -> u16 {
+        self.away
+    }
+
     /// The true rate; saturates at +-128 rad/s (7 334 deg/s).
     pub fn apply(&self, measured: Rate) -> Rate {
         let [x, y, z] = measured.rate;

@@ -13,7 +13,7 @@
 use super::Member;
 use super::activity::{ActivityCheck, ActivityState};
 use super::gravity::{Gravity, GravityState, Kind, Pair, Turn, minus};
-use super::residual::{Residual, ResidualState, Stage};
+use super::residual::{Residual, ResidualState, Stage, share_q22};
 use crate::observation::Observation;
 use crate::turned::Turned;
 
@@ -32,8 +32,10 @@ pub struct RateCheck {
     pub shaken: u32,
     /// Difference of the rates.
     pub residual: Residual,
-    /// Combined standard uncertainty of two rates, as a share of them, in 1/1024.
+    /// Combined standard uncertainty of two rates at 25 degC, as a share of them, 2^-16.
     pub share: u32,
+    /// What a degree away from that adds, as the scale over temperature is not calibrated, 2^-16.
+    pub share_per_c: u32,
     /// Whose gravity leaves its place.
     pub gravity: Gravity,
 }
@@ -88,7 +90,10 @@ impl RateCheck {
             coverage: 5,
             baseline_us: 100_000_000,
         },
-        share: 3,
+        // 0.3 %.
+        share: 192,
+        // Twice 0.005 % of the data sheet, as independent.
+        share_per_c: 5,
         gravity: Gravity::PRODUCT,
     };
 }
@@ -108,6 +113,9 @@ pub struct RateState {
     bias: Option<[i32; 3]>,
     /// Time since that pair, us.
     elapsed_us: u32,
+    /// The fastest turn of late: it falls to that of now no faster than the low-passes do, 2^-26
+    /// rad/s.
+    fastest: u32,
 }
 
 impl RateState {
@@ -170,7 +178,10 @@ impl RateCheck {
             state.gravity.restart();
             return found;
         };
-        found.differ = self.differ(&mut state.residual, turned, shaken, elapsed_us);
+        let [rate, difference] = turned.map(|angle| per_second(&angle, elapsed_us));
+        let uncertainty = self.uncertainty(&mut state.fastest, &rate, a.away, elapsed_us);
+        let residual = &mut state.residual;
+        found.differ = (self.residual).take(residual, difference, uncertainty, shaken, elapsed_us);
         // What the estimator finds during a dispute may come from the fault, or from no more than
         // the moment since it began anew.
         let learns = !(found.differ || state.gravity.is_disputed());
@@ -194,21 +205,17 @@ impl RateCheck {
         found
     }
 
-    /// Whether the rates differ.
-    fn differ(
-        &self,
-        state: &mut ResidualState,
-        turned: [[i16; 3]; 2],
-        shaken: bool,
-        elapsed_us: u32,
-    ) -> bool {
-        let [rate, difference] = turned.map(|angle| per_second(&angle, elapsed_us));
-        let fastest = rate
-            .iter()
-            .fold(0, |most, axis| axis.unsigned_abs().max(most));
-        let uncertainty = ((fastest * u64::from(self.share)) >> 10) as u32;
-        self.residual
-            .take(state, difference, uncertainty, shaken, elapsed_us)
+    /// The pair's combined standard uncertainty, 2^-26 rad/s: a share of the `fastest` turn that
+    /// the low-passes still keep, which need not be the turn of now.
+    fn uncertainty(&self, fastest: &mut u32, rate: &[i64; 3], away: u16, elapsed_us: u32) -> u32 {
+        let axes = rate.iter();
+        let most = axes.fold(0, |most, axis| axis.unsigned_abs().max(most));
+        let now = u32::try_from(most).unwrap_or(u32::MAX);
+        let slower = fastest.saturating_sub(now);
+        let share = share_q22(elapsed_us, self.residual.whole_us);
+        *fastest = now + slower - ((u64::from(slower) * u64::from(share)) >> 22) as u32;
+        let share = self.share + ((self.share_per_c * u32::from(away)) >> 8);
+        ((u64::from(*fastest) * u64::from(share)) >> 16) as u32
     }
 }
 

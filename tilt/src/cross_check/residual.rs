@@ -267,19 +267,15 @@ pub(super) fn share_q22(elapsed_us: u32, tau_us: u32) -> u32 {
     share
 }
 
-/// True when the vector is longer than `threshold`, 2^-26 g per step, without a root.
+/// True when the vector is longer than `threshold`, 2^-26 g per step, without a root. A threshold
+/// above 4 g counts as 4 g.
 fn length_exceeds(vector: &[i64; 3], threshold: u32) -> bool {
-    let sizes = vector.map(|c| c.unsigned_abs() >> 4);
-    if threshold < 1 << 28 && sizes.iter().all(|size| *size < 1 << 31) {
-        // Below 8 g nothing saturates, and a product of 32 bits is one instruction.
-        let square = |value: u32| u64::from(value) * u64::from(value);
-        let sum: u64 = sizes.iter().map(|size| square(*size as u32)).sum();
-        return sum > square(threshold << (FRACTION - 4));
-    }
-    let squares = sizes.iter().map(|size| size.saturating_mul(*size));
+    // A product of 32 bits is one instruction.
+    let square = |value: u32| u64::from(value) * u64::from(value);
+    let size = |c: i64| u32::try_from(c.unsigned_abs() >> 4).unwrap_or(u32::MAX);
+    let squares = vector.iter().map(|c| square(size(*c)));
     let sum = squares.fold(0u64, u64::saturating_add);
-    let threshold = u64::from(threshold) << (FRACTION - 4);
-    sum > threshold.saturating_mul(threshold)
+    sum > square(threshold.min((1 << 28) - 1) << (FRACTION - 4))
 }
 
 #[cfg(test)]
@@ -443,8 +439,10 @@ mod tests {
             }
             assert!(length_exceeds(&[i64::MIN; 3], threshold));
         }
-        // From 8 g on both sides stop at the same end.
-        assert!(!length_exceeds(&[i64::MIN; 3], 1 << 28));
+        for threshold in [1 << 28, u32::MAX] {
+            let [four, more] = [(1 << 28) - 1, 1 << 28].map(|c| longer(c, threshold));
+            assert!(more && !four && length_exceeds(&[i64::MIN; 3], threshold));
+        }
     }
 
     #[test]

@@ -17,6 +17,8 @@ struct Housing {
     state: RateState,
     turned: [TurnedState; 2],
     pitch: f64,
+    /// From 25 degC, degC.
+    away_c: u16,
 }
 
 impl Housing {
@@ -26,6 +28,7 @@ impl Housing {
             state: RateState::default(),
             turned: Default::default(),
             pitch: 0.0,
+            away_c: 0,
         }
     }
 
@@ -47,6 +50,7 @@ impl Housing {
             let turned = self.turned[node].take(0, 0).map(|turned| Turned {
                 bias: Some([0; 3]),
                 activity: Activity::OWN,
+                away: self.away_c << 8,
                 ..turned
             });
             Observation {
@@ -218,6 +222,7 @@ fn turns_and_accelerations_at_their_ends_overflow_nothing() {
                 bias: Some([i32::MIN, i32::MAX, 0]),
                 activity: Activity::OWN,
                 accel: u32::MAX,
+                away: u16::MAX,
             };
             let end = [i32::MIN, i32::MAX][(pair >> 6) as usize & 1];
             Observation {
@@ -231,6 +236,41 @@ fn turns_and_accelerations_at_their_ends_overflow_nothing() {
         let _ = check.step(&mut state, [own, peer], (differ, false), LONGEST_US);
     }
     // Both were wide apart all the time.
-    let found = check.differ(&mut state.residual, [[0; 3], [i16::MAX; 3]], false, 20_000);
-    assert!(found);
+    let wide = [f64::from(u32::MAX) as i64; 3];
+    assert!((check.residual).take(&mut state.residual, wide, 0, false, 20_000));
+}
+
+/// Whether two gyroscopes differ whose scales are so far apart, %, while the housing spins up to
+/// 80 deg/s within 0.2 s, spins on for 2 s, and is down at 20 deg/s within 0.2 s, to and fro.
+fn differ_in_spins(percent: f64, away_c: u16) -> bool {
+    let mut housing = Housing::new();
+    housing.away_c = away_c;
+    housing.swings(1500);
+    (0..3000).any(|pair| {
+        let dps = match pair % 300 {
+            at @ 0..10 => 20.0 + 6.0 * f64::from(at),
+            10..110 => 80.0,
+            at @ 110..120 => 80.0 - 6.0 * f64::from(at - 110),
+            _ => 20.0,
+        };
+        let dps = if pair % 600 < 300 { dps } else { -dps };
+        let more = [dps * percent / 100.0, 0.0, 0.0];
+        housing.pair(dps, [more, [0.0; 3]], [0.0; 2]).differ
+    })
+}
+
+#[test]
+fn what_was_left_of_a_fast_turn_was_held_against_a_slow_one() {
+    assert!(!differ_in_spins(0.65, 0));
+    assert!(differ_in_spins(1.0, 0));
+}
+
+#[test]
+fn a_scale_over_temperature_that_nobody_calibrated_was_a_fault() {
+    // 0.032 % per degC of both is more than four of their standard deviations.
+    for away_c in [10, 20, 35, 45] {
+        let percent = 0.65 + 0.018 * f64::from(away_c);
+        assert!(!differ_in_spins(percent, away_c), "{away_c}");
+        assert!(differ_in_spins(percent + 0.5, away_c), "{away_c}");
+    }
 }
