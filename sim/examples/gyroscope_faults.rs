@@ -210,9 +210,9 @@ fault of a gyroscope or of an accelerometer, and which channel they name. Everyt
 simulated and printed by
 `cargo run --release -p sim --example gyroscope_faults -- {runs} {hours}`; the first number is that
 of the runs of each line, the second one the hours without a fault.
-Calibrated units, 250 kbit/s, 50 SYNCs a second, the sensor 1 m from the boom's pivot. The fault
-begins after 20 to 30 s and stays for 40 s; axis, sign, channel, unit and moment are drawn. Only
-what is reported on the bus counts.
+Calibrated units, 250 kbit/s, 50 SYNCs a second, the sensor 1 m from the boom's pivot; a cab that
+slews does so by 60 to 120 deg. The fault begins after 20 to 30 s, at 25 degC, and stays for 40 s;
+axis, sign, channel, unit and moment are drawn. Only what is reported on the bus counts.
 
 *Reported* is the first word of either channel: from then on neither angle is valid unless a channel
 is named. *Right* are the runs in which the faulty channel was named and the healthy one was not;
@@ -225,12 +225,12 @@ in order while nothing turns, and so is one with swapped axes.
 }
 
 const HEALTHY: &str = "
-Without a fault. An *alarm* is any accusation of a channel, any EMCY without a cause and any other
-rule of a trial that is broken, for example by angles that are still not valid 12 s after a start
-in motion; standard error names it. The last column counts the readings of a valid angle that was
-off by more than 0.6 deg for longer than the reaction time. They come from starts while the
-machine digs: an estimator that begins in motion states its uncertainty (2022h), and it is larger
-than 0.6 deg until the machine has paused.
+Without a fault, from -10 to 70 degC. An *alarm* is any accusation of a channel, any EMCY without a
+cause and any other rule of a trial that is broken, for example by angles that are still not valid
+12 s after a start in motion; standard error names it. The last column counts the readings of a
+valid angle that was off by more than 0.6 deg for longer than the reaction time. They come from
+starts while the machine moves: an estimator that begins in motion states its uncertainty (2022h),
+and it is larger than 0.6 deg until the machine has paused.
 
 | scene | hours | alarms | readings off by more than 0.6 deg |
 |---|---|---|---|";
