@@ -8,6 +8,7 @@
 
 mod calibration;
 mod chain;
+mod count;
 mod decode;
 mod error;
 mod fit;
@@ -22,13 +23,15 @@ mod _plumb {
     #[pymodule_export]
     use super::chain::{Chain, reasons};
     #[pymodule_export]
+    use super::count::{Counted, count};
+    #[pymodule_export]
     use super::decode::Decoder;
     #[pymodule_export]
     use super::error::{Error, IncompleteWarning};
     #[pymodule_export]
     use super::fit::{Fitted, fit_motor, fit_poses};
     #[pymodule_export]
-    use super::summary::{extent, figures, fleet_page, merge, merge_named, report, summarise};
+    use super::summary::{figures, fleet_page, merge, merge_named, report, summarise};
     #[pymodule_export]
     use super::twin::World;
 }

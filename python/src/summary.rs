@@ -25,17 +25,24 @@ pub fn summarise(
     eds: Vec<String>,
     nodes: Vec<u8>,
 ) -> PyResult<(Bound<'_, PyBytes>, Option<String>)> {
-    let eds = eds.iter().map(|sheet| sheet.parse());
-    let plan = PlanOptions {
-        nodes,
-        eds: eds.collect::<Result<_, _>>().map_err(said)?,
-    };
+    let plan = plan(&eds, nodes)?;
     let done = py.detach(|| {
         let (kept, incomplete) = Kept::of(&logs, &plan)?;
         Ok((kept.to_bytes()?, incomplete.map(|why| why.to_string())))
     });
     let (bytes, incomplete) = done.map_err(|why: bus_report::period::PeriodError| said(why))?;
     Ok((PyBytes::new(py, &bytes), incomplete))
+}
+
+/// Which instruments are read, and by which data sheets.
+///
+/// Errors: `plumb.Error` where a data sheet is none.
+pub fn plan(eds: &[String], nodes: Vec<u8>) -> PyResult<PlanOptions> {
+    let eds = eds.iter().map(|sheet| sheet.parse());
+    Ok(PlanOptions {
+        nodes,
+        eds: eds.collect::<Result<_, _>>().map_err(said)?,
+    })
 }
 
 /// Merges summaries.
@@ -83,16 +90,6 @@ pub fn figures(py: Python<'_>, summary: PyBackedBytes) -> PyResult<Bound<'_, PyB
         kept.figures(None).map_err(|why| why.to_string())
     });
     Ok(PyBytes::new(py, &json.map_err(said)?))
-}
-
-/// How many frames a summary has, and first and last time of them, ns; none without a date.
-///
-/// Errors: `plumb.Error`.
-#[pyfunction]
-pub fn extent(py: Python<'_>, summary: PyBackedBytes) -> PyResult<(u64, Option<u64>, Option<u64>)> {
-    let kept = py.detach(|| Kept::from_bytes(&summary)).map_err(said)?;
-    let (first, last) = kept.dated_ns().unzip();
-    Ok((kept.frames(), first, last))
 }
 
 /// Writes the page of a fleet and its data into a folder.

@@ -27,7 +27,6 @@ from collections.abc import Callable, Iterator
 import pyarrow.parquet
 from conftest import PLUMB, candump, shift
 from distributed import Client
-from distributed.deploy.subprocess import SubprocessCluster
 from fleets import results
 
 from plumb.fleet import QUESTIONS, query, run, schedulers, synthetic, visits
@@ -128,16 +127,6 @@ def fresh(out: pathlib.Path) -> pathlib.Path:
     return out
 
 
-def cluster(workers: int) -> SubprocessCluster:
-    return SubprocessCluster(
-        host="127.0.0.1",
-        n_workers=workers,
-        threads_per_worker=1,
-        scheduler_kwargs={"dashboard": False},
-        worker_kwargs={"dashboard": False, "memory_limit": 0},
-    )
-
-
 def warm() -> None:
     """Loads the package in a worker, which belongs to its start."""
     import plumb.fleet.work  # noqa: F401
@@ -145,7 +134,7 @@ def warm() -> None:
 
 def on_cluster(logs: pathlib.Path, out: pathlib.Path, workers: int, kill: bool = False) -> Clock:
     """A run on a cluster of its own; with `kill` a worker is killed in the middle."""
-    with cluster(workers) as own, Client(own.scheduler_address, set_as_default=False) as client:
+    with schedulers.local(workers) as address, Client(address, set_as_default=False) as client:
         client.wait_for_workers(workers, timeout=60)
         victims = sorted(client.run(os.getpid).values())
         count = sum(1 for _ in logs.rglob("*.log"))
@@ -158,7 +147,7 @@ def on_cluster(logs: pathlib.Path, out: pathlib.Path, workers: int, kill: bool =
 
         client.run(warm)
         clock = Clock(perhaps)
-        outcome = run(logs, fresh(out), scheduler=own.scheduler_address, progress=clock)
+        outcome = run(logs, fresh(out), scheduler=address, progress=clock)
         assert outcome.logs == count and not outcome.failed and bool(killed) == kill
         return clock
 

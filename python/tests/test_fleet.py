@@ -14,6 +14,7 @@ import pytest
 from fleets import frames, put, results, text, tree
 
 import plumb
+from plumb import _plumb
 from plumb.fleet import FleetError, filing, layout, query, run, store, work
 from plumb.fleet.progress import Bar, left
 
@@ -140,7 +141,7 @@ def test_whatever_happens_to_the_tree_the_result_is_that_of_its_contents(
     contents = {}
     for line in own.values():
         if line["status"] in ("counted", "incomplete"):
-            assert contents.setdefault(line["sha256"], line["frames"]) == line["frames"]
+            assert contents.setdefault(line["blake3"], line["frames"]) == line["frames"]
     counted = [line for line in own.values() if line["status"] in ("counted", "incomplete")]
     assert len(counted) == len(contents) == outcome.logs
     assert frames_counted(out) == sum(contents.values())
@@ -260,6 +261,25 @@ def test_a_manifest_names_logs_and_machines(tmp_path: pathlib.Path) -> None:
     ]
 
 
+def test_a_log_is_hashed_whole_however_much_of_it_is_read(tmp_path: pathlib.Path) -> None:
+    whole = text("2026-11-20").encode()
+    packed = gzip.compress(whole, mtime=0)
+    contents = [whole, whole[:-9], packed, packed[:-9], packed + b"x", packed + b"y", b"", b"abc"]
+    hashes = []
+    for content in contents:
+        path = put(tmp_path / "m.log", content)
+        counted = _plumb.count(str(path), [], [])
+        hashes.append(counted.blake3)
+        if counted.error is None:
+            assert (counted.summary, counted.incomplete) == _plumb.summarise([str(path)], [], [])
+    assert len(set(hashes)) == len(contents)
+    # Those of the empty file and of "abc" are known.
+    assert hashes[-2:] == [
+        "af1349b9f5f9a1a6a0404dea36dcc9499bcb25c9adc112b7cc9a93cae41f3262",
+        "6437b3ac38465133ffb63b75273a8db548c558465d79db03fd359c6cd5bd9d85",
+    ]
+
+
 def test_a_log_that_is_written_while_it_is_read_is_left_for_the_next_run(
     tmp_path: pathlib.Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -300,6 +320,22 @@ def test_a_kept_summary_that_is_damaged_or_of_another_version_is_made_anew(
     with pytest.raises(FleetError, match="was damaged and is removed: run again"):
         run(root, out)
     assert run(root, out).read == 1 and results(out) == before
+
+
+def test_a_folder_of_another_format_is_refused_and_left_as_it_is(
+    tmp_path: pathlib.Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    root, out = tree(tmp_path / "logs", 1, 2), tmp_path / "out"
+    monkeypatch.setattr(store, "FORMAT", "1")
+    run(root, out)
+    before = results(out) | {"logs": (out / "logs.parquet").read_bytes()}
+    monkeypatch.undo()
+    sentence = "logs.parquet is of format 1, and format 2 is read: count the logs into a new folder"
+    with pytest.raises(FleetError, match=sentence):
+        run(root, out)
+    assert results(out) | {"logs": (out / "logs.parquet").read_bytes()} == before
+    with pytest.raises(FleetError, match="is of format 1, and format 2 is read"):
+        query(out, "faults")
 
 
 def test_odd_names_and_files_that_are_none_stop_nothing(tmp_path: pathlib.Path) -> None:

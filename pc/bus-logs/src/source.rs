@@ -7,7 +7,9 @@
 //! one another in the order in which they were given, each begun where the one before ended.
 
 use std::collections::VecDeque;
-use std::path::PathBuf;
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use crate::date::is_dated;
@@ -94,16 +96,8 @@ impl Source {
     ) -> Result<Self, LogError> {
         let candidates = candidates(paths)?;
         let bytes = candidates.iter().map(|one| one.length).sum();
-        let mut source = Self {
-            files: Vec::new(),
-            waiting: VecDeque::new(),
-            open: Vec::new(),
-            interfaces: Interfaces::new(interface.map(str::to_owned)),
-            skipped: Skipped::default(),
-            task: Some(Arc::new(progress.task("Reading", bytes))),
-            undated_end_ns: None,
-            frames: 0,
-        };
+        let task = Some(Arc::new(progress.task("Reading", bytes)));
+        let mut source = Self::empty(interface, task);
         for candidate in candidates {
             source.look(candidate)?;
         }
@@ -123,25 +117,67 @@ impl Source {
         Ok(source)
     }
 
+    /// Opens one file, whose bytes go through what `through` makes of it.
+    ///
+    /// Errors: it is no log, or can't be read.
+    pub fn of_file<R: Read + Send + 'static>(
+        path: &Path,
+        through: impl FnOnce(File) -> R,
+    ) -> Result<Self, LogError> {
+        let opened = File::open(path).and_then(|file| Input::new(through(file), None));
+        let input = opened.map_err(|why| cannot_read(path, why))?;
+        let candidate = Candidate {
+            path: path.to_owned(),
+            is_named: true,
+            is_file: false,
+            length: 0,
+        };
+        let mut source = Self::empty(None, None);
+        source.look_into(candidate, path.display().to_string(), input)?;
+        Ok(source)
+    }
+
+    fn empty(interface: Option<&str>, task: Option<Arc<Task>>) -> Self {
+        Self {
+            files: Vec::new(),
+            waiting: VecDeque::new(),
+            open: Vec::new(),
+            interfaces: Interfaces::new(interface.map(str::to_owned)),
+            skipped: Skipped::default(),
+            task,
+            undated_end_ns: None,
+            frames: 0,
+        }
+    }
+
     /// Finds out what a file is.
     fn look(&mut self, candidate: Candidate) -> Result<(), LogError> {
-        let path = candidate.path;
-        let name = if is_stdin(&path) {
+        let path = &candidate.path;
+        let name = if is_stdin(path) {
             "standard input".to_owned()
         } else {
             path.display().to_string()
         };
         // The bar counts what is read at its turn, or else bytes would be counted twice.
         let task = self.task.clone().filter(|_| !candidate.is_file);
-        let opened = Input::open(&path, task);
-        let mut input = match opened {
-            Ok(input) => input,
+        match Input::open(path, task) {
+            Ok(input) => self.look_into(candidate, name, input),
             Err(_) if !candidate.is_named => {
                 self.skipped.not_logs.push(name);
-                return Ok(());
+                Ok(())
             }
-            Err(why) => return Err(cannot_read(&path, why)),
-        };
+            Err(why) => Err(cannot_read(path, why)),
+        }
+    }
+
+    /// The same of a file that is open.
+    fn look_into(
+        &mut self,
+        candidate: Candidate,
+        name: String,
+        mut input: Input,
+    ) -> Result<(), LogError> {
+        let path = candidate.path;
         let is_gzip = input.is_gzip();
         let head = match input.head() {
             Ok(head) => sniff::look(head),

@@ -18,7 +18,7 @@ import pyarrow.dataset
 
 from .errors import FleetError, first_line
 from .figures import SCHEMA
-from .store import LEDGER, MACHINES
+from .store import LEDGER, MACHINES, refuse_other_format
 
 QUESTIONS = ("faults", "drift", "histories", "calibration", "restarts", "silent", "standing")
 """The questions that have a file in `queries/`."""
@@ -87,7 +87,8 @@ def query(out: str | os.PathLike[str], question: str, **parameters: Any) -> pyar
 
     Parameters of the SQL (`$today`) are given by name; where they are not, `today` is the last day
     with data, `recent_days` 7, `least_days` 5 and `band_deg` null.
-    Errors: `FleetError` where the folder has no figures, or the SQL is not valid.
+    Errors: `FleetError` where the folder has no figures or those of another version, or the SQL is
+    not valid.
     """
     with Figures(out) as figures:
         return figures.ask(question, **parameters)
@@ -103,4 +104,5 @@ def _figures(folder: pathlib.Path) -> Any:
 def _one(path: pathlib.Path, schema: pyarrow.Schema) -> Any:
     if not path.exists():
         return schema.empty_table()
+    refuse_other_format(path)
     return pyarrow.dataset.dataset(str(path), schema=schema, format="parquet")

@@ -53,7 +53,7 @@ def file(entries: list[Entry], strays: dict[str, str], key: str) -> tuple[list[L
     first: dict[str, Log] = {}
     for entry in sorted(entries, key=lambda entry: (entry.gone, entry.log.url)):
         log, read = entry.log, entry.read
-        twin = first.get(read.sha256) if read.sha256 and read.error is None else None
+        twin = first.get(read.blake3) if read.blake3 and read.error is None else None
         if twin is not None:
             if not entry.gone:
                 sentence = f"has the same content as {twin.url}: counted once"
@@ -61,9 +61,9 @@ def file(entries: list[Entry], strays: dict[str, str], key: str) -> tuple[list[L
             continue
         day, note = _day(log, read)
         lines.append(_line(entry, key, day, *_verdict(entry, note)))
-        if day is not None and read.sha256 is not None:
-            first[read.sha256] = log
-            days[day][log.machine].append((read.sha256, log.name))
+        if day is not None and read.blake3 is not None:
+            first[read.blake3] = log
+            days[day][log.machine].append((read.blake3, log.name))
     for machines in days.values():
         for parts in machines.values():
             parts.sort()
@@ -116,7 +116,7 @@ def _line(entry: Entry, key: str, day: str | None, status: str, sentence: str | 
         "sentence": sentence,
         "frames": read.frames,
         "size": log.size,
-        "sha256": read.sha256,
+        "blake3": read.blake3,
         "stamp": log.stamp if read.settled else None,
         "path_day": log.day,
         "key": key,
@@ -125,7 +125,7 @@ def _line(entry: Entry, key: str, day: str | None, status: str, sentence: str | 
 
 def _stray(url: str, sentence: str, key: str) -> Line:
     empty = dict.fromkeys(
-        ("machine", "day", "frames", "size", "sha256", "stamp", "path_day")
+        ("machine", "day", "frames", "size", "blake3", "stamp", "path_day")
     )
     return {"log": url, "status": "stray", "sentence": sentence, "key": key} | empty
 

@@ -158,7 +158,7 @@ def _finished(
         line = ledger.get(log.url, {})
         seen = [line.get(name) for name in ("stamp", "size", "key")]
         same = log.stamp != "" and seen == [log.stamp, log.size, how.key]
-        known = store.get(line.get("sha256"), log.url) if same else None
+        known = store.get(line.get("blake3"), log.url) if same else None
         if known is None:
             todo.append(log)
         else:
@@ -173,7 +173,7 @@ def _gone(found: layout.Found, store: Store, how: work.How) -> list[filing.Entry
     for url, line in store.ledger().items():
         if url in there or line["day"] is None or line["key"] != how.key:
             continue
-        known = store.get(line["sha256"], url)
+        known = store.get(line["blake3"], url)
         if known is not None:
             entries.append(filing.left_over(line, known))
     return entries
@@ -232,7 +232,7 @@ def _merge(place: Any, days: dict, store: Store, progress: Progress) -> None:
 def _days(changed: list[str], days: dict, store: Store) -> Iterator[tuple[work.Day, int]]:
     for day in changed:
         for machine, parts in sorted(days[day].items()):
-            packed = tuple((store.summary(sha256), name) for sha256, name in parts)
+            packed = tuple((store.summary(blake3), name) for blake3, name in parts)
             size = sum(len(one) for one, _ in packed)
             yield work.Day(machine, day, packed), MERGE_BYTES * len(packed) + 4 * size
 

@@ -13,6 +13,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
+import os
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any, Protocol
 
@@ -24,8 +25,16 @@ GROUP_BYTES = 32 << 20
 GROUP = 64
 """Jobs of a group, at most."""
 
-AHEAD = 3
+AHEAD = 2
 """Groups that wait for each worker."""
+
+CALM = {
+    "DASK_DISTRIBUTED__ADMIN__TICK__INTERVAL": "1s",
+    "DASK_DISTRIBUTED__ADMIN__SYSTEM_MONITOR__INTERVAL": "10s",
+    "DASK_DISTRIBUTED__WORKER__PROFILE__ENABLED": "False",
+}
+"""How often Dask's processes of this machine look at themselves; as delivered that takes 4 % of two
+processors."""
 
 ANSWER_S = 10.0
 """A scheduler has to answer within this time, s."""
@@ -163,7 +172,7 @@ def opened(scheduler: str | Place | None, workers: int) -> Iterator[Place]:
     except ImportError:
         raise FleetError("Dask is not installed: type pip install 'plumb[fleet]'") from None
     with _quiet(), contextlib.ExitStack() as stack:
-        address = scheduler or stack.enter_context(_local(workers))
+        address = scheduler or stack.enter_context(local(workers))
         client = stack.enter_context(_client(address))
         try:
             client.wait_for_workers(1 if scheduler else workers, timeout=3 * ANSWER_S)
@@ -197,25 +206,38 @@ def _client(address: str) -> Iterator[Any]:
 
 
 @contextlib.contextmanager
-def _local(workers: int) -> Iterator[str]:
+def local(workers: int) -> Iterator[str]:
     """Processes of this machine with a scheduler of their own; its address.
 
     They are programs and no forks, so that a script needs no guard around its call.
     """
     from distributed.deploy.subprocess import SubprocessCluster
 
-    cluster = SubprocessCluster(
-        host="127.0.0.1",
-        n_workers=workers,
-        threads_per_worker=1,
-        scheduler_kwargs={"dashboard": False},
-        worker_kwargs={"dashboard": False, "memory_limit": 0},
-        silence_logs=logging.CRITICAL,
-    )
+    with _environment(CALM):
+        cluster = SubprocessCluster(
+            host="127.0.0.1",
+            n_workers=workers,
+            threads_per_worker=1,
+            scheduler_kwargs={"dashboard": False},
+            worker_kwargs={"dashboard": False, "memory_limit": 0},
+            silence_logs=logging.CRITICAL,
+        )
     try:
         yield cluster.scheduler_address
     finally:
         cluster.close()
+
+
+@contextlib.contextmanager
+def _environment(variables: dict[str, str]) -> Iterator[None]:
+    """Variables for the processes that are started meanwhile; one that is set already stays."""
+    added = {name: text for name, text in variables.items() if name not in os.environ}
+    os.environ.update(added)
+    try:
+        yield
+    finally:
+        for name in added:
+            del os.environ[name]
 
 
 @contextlib.contextmanager

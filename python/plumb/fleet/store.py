@@ -1,6 +1,6 @@
 """What is kept in the folder of a fleet, each file complete or not there.
 
-    logs/KEY/ab/SHA-256        summary of a log, or why there is none, by the log's content
+    logs/KEY/ab/BLAKE3         summary of a log, or why there is none, by the log's content
     logs.parquet               every log: machine, day, content, status and sentence
     figures/day=D/rows.parquet   a row per machine and instrument
     summaries/day=D/rows.parquet  the merged summary of each machine
@@ -42,7 +42,7 @@ LEDGER = pyarrow.schema(
         ("sentence", pyarrow.string()),
         ("frames", pyarrow.int64()),
         ("size", pyarrow.int64()),
-        ("sha256", pyarrow.string()),
+        ("blake3", pyarrow.string()),
         ("stamp", pyarrow.string()),
         ("path_day", pyarrow.string()),
         ("key", pyarrow.string()),
@@ -60,8 +60,8 @@ SUMMARIES = pyarrow.schema(
 
 JOURNAL = ".journal"
 
-FORMAT = "1"
-"""Version of the tables."""
+FORMAT = "2"
+"""Version of the tables. A folder of another one is refused."""
 
 VERSION = 2
 """Version of what is kept of a log: that of the summaries. Another one is counted anew."""
@@ -76,12 +76,12 @@ class Store:
 
     # Summaries of logs, by content.
 
-    def _place(self, sha256: str) -> pathlib.Path:
-        return self._logs / sha256[:2] / sha256
+    def _place(self, blake3: str) -> pathlib.Path:
+        return self._logs / blake3[:2] / blake3
 
     def put(self, result: Read) -> None:
         """Keeps what a log has come to, once for all logs of the same content."""
-        if result.sha256 is None:
+        if result.blake3 is None:
             return
         head = {
             "version": VERSION,
@@ -92,27 +92,27 @@ class Store:
             "error": result.error,
         }
         body = json.dumps(head).encode() + b"\n" + (result.summary or b"")
-        write(self._place(result.sha256), body)
+        write(self._place(result.blake3), body)
 
-    def get(self, sha256: str | None, url: str) -> Read | None:
+    def get(self, blake3: str | None, url: str) -> Read | None:
         """What a log of this content has come to, without the summary; None where that is not kept,
         damaged, or of another version."""
-        if sha256 is None:
+        if blake3 is None:
             return None
         try:
-            with self._place(sha256).open("rb") as file:
+            with self._place(blake3).open("rb") as file:
                 fields = json.loads(file.readline())
             version = fields.pop("version")
-            return Read(url, sha256, True, **fields) if version == VERSION else None
+            return Read(url, blake3, True, **fields) if version == VERSION else None
         except (OSError, ValueError, TypeError, KeyError, AttributeError):
             return None
 
-    def summary(self, sha256: str) -> bytes:
+    def summary(self, blake3: str) -> bytes:
         """The packed summary of a log.
 
         Errors: `FleetError` where it is damaged; it is removed then.
         """
-        place = self._place(sha256)
+        place = self._place(blake3)
         try:
             packed = place.read_bytes().partition(b"\n")[2]
             unpack(packed)
@@ -133,10 +133,10 @@ class Store:
 
     def note(self, log: Log, result: Read, key: str) -> None:
         """Keeps in a journal which content a log has, so that an interrupted run is gone on with."""
-        if not result.settled or result.sha256 is None:
+        if not result.settled or result.blake3 is None:
             return
         line = {"log": log.url, "stamp": log.stamp, "size": log.size, "key": key}
-        line["sha256"] = result.sha256
+        line["blake3"] = result.blake3
         with (self.folder / JOURNAL).open("a", encoding="utf-8", errors="surrogateescape") as file:
             file.write(json.dumps(line) + "\n")
 
@@ -210,12 +210,32 @@ class Store:
 
 
 def _read_table(path: pathlib.Path) -> pyarrow.Table:
+    refuse_other_format(path)
     try:
         return pyarrow.parquet.ParquetFile(path).read()
     except (OSError, pyarrow.ArrowException) as why:
+        raise _unreadable(path, why) from None
+
+
+def refuse_other_format(path: pathlib.Path) -> None:
+    """Refuses a table that is damaged, or of another version of this package.
+
+    Errors: `FleetError`.
+    """
+    try:
+        metadata = pyarrow.parquet.read_metadata(path).metadata or {}
+    except (OSError, pyarrow.ArrowException) as why:
+        raise _unreadable(path, why) from None
+    found = metadata.get(b"plumb-format", b"none").decode(errors="replace")
+    if found != FORMAT:
         raise FleetError(
-            f"{path} can't be read ({first_line(why)}): remove it, and it is made anew"
-        ) from None
+            f"{path} is of format {found}, and format {FORMAT} is read: count the logs into a new "
+            "folder"
+        )
+
+
+def _unreadable(path: pathlib.Path, why: BaseException) -> FleetError:
+    return FleetError(f"{path} can't be read ({first_line(why)}): remove it, and it is made anew")
 
 
 def write_table(

@@ -9,11 +9,11 @@ Left out: who calls it (`schedulers`, `spark`), and what is done with it (`store
 
 from __future__ import annotations
 
-import concurrent.futures
 import hashlib
 import json
 import os
 import pathlib
+import shutil
 import tempfile
 import time
 import zlib
@@ -28,9 +28,6 @@ from .layout import Log
 
 PIECE = 1 << 20
 """Bytes that are read at once."""
-
-BESIDE = 4 << 20
-"""Files of this size and more are hashed beside being counted, where a processor is free."""
 
 SETTLED_S = 2.0
 """A file that was written less than this before it was read may be written again unseen."""
@@ -62,7 +59,7 @@ class Read:
     """What a log has come to; `summary` or `error` is there, never both."""
 
     url: str
-    sha256: str | None
+    blake3: str | None
     """Of the bytes of the file; None where they can't be read, or change while they are."""
     settled: bool
     """Whether size and stamp of the file stand for its content from now on."""
@@ -105,56 +102,34 @@ def read_all(logs: list[Log], how: How) -> list[Read]:
 
 def _read_local(log: Log, how: How) -> Read:
     before = os.stat(log.url)
-    sha256, counted = _hash_and_count(log.url, before.st_size, how)
+    counted = _count(log.url, how)
     after = os.stat(log.url)
     if (before.st_size, before.st_mtime_ns) != (after.st_size, after.st_mtime_ns):
         error = f"{HERE} is being written: the next run counts it"
         return Read(log.url, None, False, error=error)
     settled = time.time() - after.st_mtime > SETTLED_S and str(after.st_mtime) == log.stamp
-    return Read(log.url, sha256, settled, **counted)
-
-
-def _hash_and_count(path: str, size: int, how: How) -> tuple[str, dict[str, Any]]:
-    """Both at once where that is worth a thread."""
-    if size < BESIDE:
-        return _hash(path), _count(path, how)
-    with concurrent.futures.ThreadPoolExecutor(1) as beside:
-        sha256 = beside.submit(_hash, path)
-        counted = _count(path, how)
-        return sha256.result(), counted
+    return Read(log.url, settled=settled, **counted)
 
 
 def _read_remote(log: Log, how: How, folder: pathlib.Path) -> Read:
     path = folder / (log.name or "log")
-    known = hashlib.sha256()
     with fsspec.open(log.url, "rb") as source, path.open("wb") as copy:
-        while piece := source.read(PIECE):
-            known.update(piece)
-            copy.write(piece)
+        shutil.copyfileobj(source, copy, PIECE)
     settled = path.stat().st_size == log.size and log.stamp != ""
-    return Read(log.url, known.hexdigest(), settled, **_count(str(path), how))
-
-
-def _hash(path: str) -> str:
-    known = hashlib.sha256()
-    with open(path, "rb", buffering=0) as file:
-        while piece := file.read(PIECE):
-            known.update(piece)
-    return known.hexdigest()
+    return Read(log.url, settled=settled, **_count(str(path), how))
 
 
 def _count(path: str, how: How) -> dict[str, Any]:
-    try:
-        summary, incomplete = _plumb.summarise([path], list(how.eds), list(how.nodes))
-    except _plumb.Error as why:
-        return {"error": str(why).replace(path, HERE)}
-    frames, first_ns, last_ns = _plumb.extent(summary)
+    counted = _plumb.count(path, list(how.eds), list(how.nodes))
+    incomplete, error = counted.incomplete, counted.error
     return {
-        "frames": frames,
-        "first_ns": first_ns,
-        "last_ns": last_ns,
-        "summary": pack(summary),
+        "blake3": counted.blake3,
+        "frames": counted.frames,
+        "first_ns": counted.first_ns,
+        "last_ns": counted.last_ns,
+        "summary": None if counted.summary is None else pack(counted.summary),
         "incomplete": None if incomplete is None else incomplete.replace(path, HERE),
+        "error": None if error is None else error.replace(path, HERE),
     }
 
 

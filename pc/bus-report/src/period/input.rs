@@ -1,9 +1,7 @@
 //! Where frames come from, and what they come to.
 //!
-//! In: names of logs and folders. Out: of each interface what `totals` makes of its frames in the
+//! In: logs that are open. Out: of each interface what `totals` makes of its frames in the
 //! order of time, and what was counted besides (`bus-logs`).
-
-use std::path::PathBuf;
 
 use canopen::Frame;
 
@@ -12,7 +10,6 @@ use super::error::PeriodError;
 use crate::totals::{Collected, Collector};
 use bus_logs::{LogError, Part, Source};
 use listen::{PlanOptions, Unnamed};
-use output::progress::Progress;
 
 /// What was read.
 #[derive(Debug, Default)]
@@ -29,14 +26,13 @@ pub struct Logs {
 ///
 /// Errors: a log can't be read, or there is no frame in the part.
 pub fn collect(
-    paths: &[PathBuf],
+    source: Source,
     plan: &PlanOptions,
     mut part: Part,
-    progress: &Progress,
 ) -> Result<(Vec<(String, Collected)>, Logs), PeriodError> {
     let (plan, _) = plan.plan(Unnamed::All)?;
     let mut collectors: Vec<Collector> = Vec::new();
-    let logs = read(paths, progress, |interface, time_ns, frame| {
+    let logs = read(source, |interface, time_ns, frame| {
         while collectors.len() <= interface {
             collectors.push(Collector::new(&plan));
         }
@@ -65,11 +61,9 @@ pub fn collect(
 ///
 /// Errors: a log can't be read.
 pub fn read(
-    paths: &[PathBuf],
-    progress: &Progress,
+    mut source: Source,
     mut take: impl FnMut(usize, u64, &Frame),
 ) -> Result<Logs, PeriodError> {
-    let mut source = Source::open(paths, progress).map_err(PeriodError::Log)?;
     while let Some(logged) = source.next().transpose().map_err(PeriodError::Log)? {
         take(logged.interface.into(), logged.time_ns, &logged.frame);
     }

@@ -9,6 +9,8 @@
 //! Left out: where the bytes are stored, and whether a log was counted before.
 
 use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
@@ -18,7 +20,7 @@ use super::error::PeriodError;
 use super::input::collect;
 use super::{build, page};
 use crate::totals::Collected;
-use bus_logs::{LogError, PartOptions, is_dated};
+use bus_logs::{LogError, PartOptions, Source, is_dated};
 use listen::PlanOptions;
 use output::progress::Progress;
 use output::write::{self, Written};
@@ -74,8 +76,26 @@ impl Kept {
         paths: &[PathBuf],
         plan: &PlanOptions,
     ) -> Result<(Self, Option<LogError>), PeriodError> {
+        Self::of_source(Source::open(paths, &Progress::hidden())?, plan)
+    }
+
+    /// The same of one file, whose bytes go through what `through` makes of it.
+    ///
+    /// Errors: see [`PeriodError`].
+    pub fn of_file<R: Read + Send + 'static>(
+        path: &Path,
+        plan: &PlanOptions,
+        through: impl FnOnce(File) -> R,
+    ) -> Result<(Self, Option<LogError>), PeriodError> {
+        Self::of_source(Source::of_file(path, through)?, plan)
+    }
+
+    fn of_source(
+        source: Source,
+        plan: &PlanOptions,
+    ) -> Result<(Self, Option<LogError>), PeriodError> {
         let part = PartOptions::default().part()?;
-        let (collected, logs) = collect(paths, plan, part, &Progress::hidden())?;
+        let (collected, logs) = collect(source, plan, part)?;
         let mut kept = Self {
             format: FORMAT.to_owned(),
             version: VERSION,

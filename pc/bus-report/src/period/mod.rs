@@ -30,7 +30,7 @@ use std::process::ExitCode;
 use clap::Args;
 
 use crate::blackbox::{self, data::MemoryReport};
-use bus_logs::{LogError, Part, PartOptions};
+use bus_logs::{LogError, Part, PartOptions, Source};
 use bus_master::BusOptions;
 use bus_master::nodes::{NodeOption, Nodes};
 use listen::PlanOptions;
@@ -157,7 +157,8 @@ fn read(
     part: Part,
     progress: &Progress,
 ) -> Result<(PeriodReport, Option<LogError>), PeriodError> {
-    let (collected, logs) = input::collect(&arguments.logs, &arguments.plan, part, progress)?;
+    let source = Source::open(&arguments.logs, progress)?;
+    let (collected, logs) = input::collect(source, &arguments.plan, part)?;
     let kbit_s = arguments.bus.address().map_err(PeriodError::Bus)?.kbit_s;
     let bit_rate = kbit_s.map(|kbit_s| f64::from(kbit_s) * 1e3);
     let report = build::report(&collected, Some(logs.report), bit_rate);

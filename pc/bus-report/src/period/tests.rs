@@ -243,7 +243,8 @@ fn candump_text_gives_the_same_report() {
     let take = |_, at_ns, frame: &Frame| {
         collector.take(at_ns, frame);
     };
-    let logs = input::read(&[path], &Progress::hidden(), take).unwrap();
+    let source = Source::open(&[path], &Progress::hidden()).unwrap();
+    let logs = input::read(source, take).unwrap();
     std::fs::remove_dir_all(&folder).unwrap();
     assert_eq!(logs.report.frames, frames().len() as u64);
     let read = finished(collector, Some(250e3));
