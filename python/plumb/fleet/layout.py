@@ -11,6 +11,7 @@ from __future__ import annotations
 import datetime
 import os
 import re
+import sys
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -244,7 +245,9 @@ def _log(system: Any, path: str, info: dict[str, Any], machine: str, day: str | 
     keys = ("ETag", "etag", "mtime", "LastModified", "last_modified", "updated", "created")
     stamp = next((str(info[key]) for key in keys if info.get(key)), "")
     size = int(info.get("size") or 0)
-    return Log(_url(system, path), machine, day, size, stamp, local)
+    # Many logs share a machine or a day: each name is held once.
+    day = None if day is None else sys.intern(day)
+    return Log(_url(system, path), sys.intern(machine), day, size, stamp, local)
 
 
 def _is_local(system: Any) -> bool:

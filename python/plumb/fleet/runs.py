@@ -19,7 +19,7 @@ from typing import Any
 
 from . import filing, layout, page, schedulers, work
 from .errors import FleetError
-from .figures import SCHEMA, rows
+from .figures import SCHEMA
 from .store import SUMMARIES, Store, owned, write_table
 from .visits import Rules
 
@@ -32,6 +32,9 @@ Progress = Callable[[str, int, int, float, float], None]
 MERGE_BYTES = 1 << 16
 """What a merge counts for in a group of jobs, besides its summaries, which count four times: they
 are sent with it."""
+
+UNPACKED = 16
+"""Summaries that are written at once."""
 
 
 @dataclass(frozen=True)
@@ -92,8 +95,7 @@ def run(
         todo, entries = _finished(found, store, how)
         count = _workers(workers, todo)
         with schedulers.opened(scheduler, count) as place:
-            read = _read(place, todo, how, store, progress)
-            entries += [filing.Entry(log, read[log.url]) for log in todo]
+            entries += _read(place, todo, how, store, progress)
             entries += _gone(found, store, how)
             lines, days = filing.file(entries, found.strays, how.key)
             _refuse_nothing(lines, days)
@@ -158,7 +160,7 @@ def _finished(
         line = ledger.get(log.url, {})
         seen = [line.get(name) for name in ("stamp", "size", "key")]
         same = log.stamp != "" and seen == [log.stamp, log.size, how.key]
-        known = store.get(line.get("blake3"), log.url) if same else None
+        known = store.get(line.get("blake3")) if same else None
         if known is None:
             todo.append(log)
         else:
@@ -173,7 +175,7 @@ def _gone(found: layout.Found, store: Store, how: work.How) -> list[filing.Entry
     for url, line in store.ledger().items():
         if url in there or line["day"] is None or line["key"] != how.key:
             continue
-        known = store.get(line["blake3"], url)
+        known = store.get(line["blake3"])
         if known is not None:
             entries.append(filing.left_over(line, known))
     return entries
@@ -181,20 +183,20 @@ def _gone(found: layout.Found, store: Store, how: work.How) -> list[filing.Entry
 
 def _read(
     place: Any, todo: list[layout.Log], how: work.How, store: Store, progress: Progress
-) -> dict[str, work.Read]:
+) -> list[filing.Entry]:
     """What each log comes to; each result is kept at once."""
-    results: dict[str, work.Read] = {}
+    results: list[filing.Entry] = []
     total, done = sum(log.size for log in todo), 0
     progress("reading", 0, len(todo), 0, total)
     jobs = ((log, log.size) for log in todo)
     for group, outcome in place.map(work.read_all, jobs, how):
         if isinstance(outcome, Exception):
             sentence = f"{work.HERE} can't be read: {outcome}"
-            outcome = [work.Read(log.url, None, False, error=sentence) for log in group]
+            outcome = [work.Read(None, False, error=sentence) for log in group]
         for log, result in zip(group, outcome):
             store.put(result)
             store.note(log, result, how.key)
-            results[result.url] = filing.without_summary(result)
+            results.append(filing.Entry(log, filing.without_summary(result)))
         done += sum(log.size for log in group)
         progress("reading", len(results), len(todo), done, total)
     return results
@@ -244,13 +246,13 @@ def _digest(machines: dict[str, filing.Parts]) -> str:
 
 def _write_day(store: Store, day: str, counted: list[work.Counted], digest: str) -> None:
     counted.sort(key=lambda one: one.machine)
-    figures = [row for one in counted for row in rows(one.machine, day, one.figures)]
+    figures = (row for one in counted for row in one.rows)
     write_table(store.partition("figures", day), figures, SCHEMA, digest)
-    summaries = [
+    summaries = (
         {"machine": one.machine, "day": day, "summary": work.unpack(one.summary)}
         for one in counted
-    ]
-    write_table(store.partition("summaries", day), summaries, SUMMARIES, digest)
+    )
+    write_table(store.partition("summaries", day), summaries, SUMMARIES, digest, UNPACKED)
 
 
 def _outcome(

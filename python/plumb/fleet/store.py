@@ -17,14 +17,15 @@ Left out: what is in them (`work`, `figures`, `page`).
 from __future__ import annotations
 
 import contextlib
+import itertools
 import json
 import os
 import pathlib
 import shutil
 import tempfile
 import zlib
-from collections.abc import Iterator
-from typing import Any
+from collections.abc import Iterable, Iterator
+from typing import IO, Any
 
 import pyarrow
 import pyarrow.parquet
@@ -63,6 +64,9 @@ JOURNAL = ".journal"
 FORMAT = "2"
 """Version of the tables. A folder of another one is refused."""
 
+AT_ONCE = 1024
+"""Rows of a table that are held in memory at once."""
+
 VERSION = 2
 """Version of what is kept of a log: that of the summaries. Another one is counted anew."""
 
@@ -94,7 +98,7 @@ class Store:
         body = json.dumps(head).encode() + b"\n" + (result.summary or b"")
         write(self._place(result.blake3), body)
 
-    def get(self, blake3: str | None, url: str) -> Read | None:
+    def get(self, blake3: str | None) -> Read | None:
         """What a log of this content has come to, without the summary; None where that is not kept,
         damaged, or of another version."""
         if blake3 is None:
@@ -103,7 +107,7 @@ class Store:
             with self._place(blake3).open("rb") as file:
                 fields = json.loads(file.readline())
             version = fields.pop("version")
-            return Read(url, blake3, True, **fields) if version == VERSION else None
+            return Read(blake3, True, **fields) if version == VERSION else None
         except (OSError, ValueError, TypeError, KeyError, AttributeError):
             return None
 
@@ -239,18 +243,36 @@ def _unreadable(path: pathlib.Path, why: BaseException) -> FleetError:
 
 
 def write_table(
-    path: pathlib.Path, rows: list[dict[str, Any]], schema: pyarrow.Schema, inputs: str = ""
+    path: pathlib.Path,
+    rows: Iterable[dict[str, Any]],
+    schema: pyarrow.Schema,
+    inputs: str = "",
+    at_once: int = AT_ONCE,
 ) -> None:
-    """Writes rows as Parquet; `inputs` stands in the metadata for what they were made of."""
+    """Writes rows as Parquet; `inputs` stands in the metadata for what they were made of.
+
+    `at_once` rows are held in memory, and make a row group.
+    """
     schema = schema.with_metadata({"plumb-format": FORMAT, "plumb-inputs": inputs})
-    table = pyarrow.Table.from_pylist(rows, schema=schema)
-    sink = pyarrow.BufferOutputStream()
-    pyarrow.parquet.write_table(table, sink, compression="zstd")
-    write(path, sink.getvalue().to_pybytes())
+    left = iter(rows)
+    with _replacing(path) as file:
+        with pyarrow.parquet.ParquetWriter(file, schema, compression="zstd") as table:
+            while group := list(itertools.islice(left, at_once)):
+                table.write_table(pyarrow.Table.from_pylist(group, schema=schema))
 
 
 def write(path: pathlib.Path, content: bytes) -> None:
-    """Writes a file: under another name beside it first, renamed when it is complete.
+    """Writes a file.
+
+    Errors: `FleetError` where there is no room or no right.
+    """
+    with _replacing(path) as file:
+        file.write(content)
+
+
+@contextlib.contextmanager
+def _replacing(path: pathlib.Path) -> Iterator[IO[bytes]]:
+    """A file to write to: it has another name beside `path`, and is renamed when it is complete.
 
     Errors: `FleetError` where there is no room or no right.
     """
@@ -258,7 +280,7 @@ def write(path: pathlib.Path, content: bytes) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.NamedTemporaryFile(dir=path.parent, prefix=".", delete=False) as file:
             try:
-                file.write(content)
+                yield file
                 file.close()
                 os.chmod(file.name, 0o644)
                 os.replace(file.name, path)

@@ -24,6 +24,7 @@ import fsspec
 
 from .. import _plumb
 from .errors import first_line
+from .figures import rows
 from .layout import Log
 
 PIECE = 1 << 20
@@ -58,7 +59,6 @@ class How:
 class Read:
     """What a log has come to; `summary` or `error` is there, never both."""
 
-    url: str
     blake3: str | None
     """Of the bytes of the file; None where they can't be read, or change while they are."""
     settled: bool
@@ -92,7 +92,7 @@ def read(log: Log, how: How) -> Read:
         with tempfile.TemporaryDirectory(prefix="plumb-") as folder:
             return _read_remote(log, how, pathlib.Path(folder))
     except Exception as why:  # noqa: BLE001 - one log, however odd, must not end a run
-        return Read(log.url, None, False, error=f"{HERE} can't be read: {first_line(why)}")
+        return Read(None, False, error=f"{HERE} can't be read: {first_line(why)}")
 
 
 def read_all(logs: list[Log], how: How) -> list[Read]:
@@ -106,9 +106,9 @@ def _read_local(log: Log, how: How) -> Read:
     after = os.stat(log.url)
     if (before.st_size, before.st_mtime_ns) != (after.st_size, after.st_mtime_ns):
         error = f"{HERE} is being written: the next run counts it"
-        return Read(log.url, None, False, error=error)
+        return Read(None, False, error=error)
     settled = time.time() - after.st_mtime > SETTLED_S and str(after.st_mtime) == log.stamp
-    return Read(log.url, settled=settled, **counted)
+    return Read(settled=settled, **counted)
 
 
 def _read_remote(log: Log, how: How, folder: pathlib.Path) -> Read:
@@ -116,7 +116,7 @@ def _read_remote(log: Log, how: How, folder: pathlib.Path) -> Read:
     with fsspec.open(log.url, "rb") as source, path.open("wb") as copy:
         shutil.copyfileobj(source, copy, PIECE)
     settled = path.stat().st_size == log.size and log.stamp != ""
-    return Read(log.url, settled=settled, **_count(str(path), how))
+    return Read(settled=settled, **_count(str(path), how))
 
 
 def _count(path: str, how: How) -> dict[str, Any]:
@@ -144,12 +144,12 @@ class Day:
 
 @dataclass(frozen=True)
 class Counted:
-    """A machine's day: its summary, packed, and its figures as JSON."""
+    """A machine's day: its summary, packed, and its rows of figures."""
 
     machine: str
     day: str
     summary: bytes
-    figures: bytes
+    rows: list[dict[str, Any]]
 
 
 def join(days: list[Day]) -> list[Counted]:
@@ -161,5 +161,6 @@ def join(days: list[Day]) -> list[Counted]:
     for day in days:
         parts = [(unpack(packed), name) for packed, name in day.parts]
         summary = _plumb.merge_named(parts)
-        joined.append(Counted(day.machine, day.day, pack(summary), _plumb.figures(summary)))
+        figures = rows(day.machine, day.day, _plumb.figures(summary))
+        joined.append(Counted(day.machine, day.day, pack(summary), figures))
     return joined
