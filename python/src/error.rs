@@ -20,7 +20,30 @@ create_exception!(
     "Part of a log could not be read; the rest was used."
 );
 
-/// The exception with this sentence.
+/// Options that sentences name, and what they are called in Python.
+const NAMES: [(&str, &str); 6] = [
+    ("--channel", "channel"),
+    ("--eds", "eds"),
+    ("--from", "begin"),
+    ("--node-ids", "node_ids"),
+    ("--nodes", "nodes"),
+    ("--to", "end"),
+];
+
+/// The exception with this sentence; an option in it has the name of the argument.
 pub fn said(error: impl Display) -> PyErr {
-    Error::new_err(error.to_string())
+    Error::new_err(in_python(&error.to_string()))
+}
+
+fn in_python(sentence: &str) -> String {
+    // Where a report goes is an argument without a name.
+    let sentence = sentence.strip_suffix(" with --out").unwrap_or(sentence);
+    let words = sentence.split(' ').map(|word| {
+        let option = word.trim_end_matches([':', ',', ';']);
+        let known = NAMES.iter().find(|(name, _)| *name == option);
+        known.map_or(word.to_owned(), |(name, argument)| {
+            word.replacen(name, argument, 1)
+        })
+    });
+    words.collect::<Vec<_>>().join(" ")
 }

@@ -314,12 +314,41 @@ def test_a_kept_summary_that_is_damaged_or_of_another_version_is_made_anew(
     kept[1].write_bytes(b"{}")
     outcome = run(root, out)
     assert outcome.read == 2 and results(out) == before
-    kept[0].write_bytes(kept[0].read_bytes()[:-20])
-    (out / "figures/day=2026-11-20/rows.parquet").unlink()
-    (out / "figures/day=2026-11-21/rows.parquet").unlink()
-    with pytest.raises(FleetError, match="was damaged and is removed: run again"):
-        run(root, out)
-    assert run(root, out).read == 1 and results(out) == before
+
+
+def damage(out: pathlib.Path, log: pathlib.Path, left: int = -20) -> None:
+    """Cuts the summary of a log, and removes the figures, so that it is needed."""
+    place = store.Store(out, work.How().key)._place(_plumb.count(str(log), [], []).blake3)
+    place.write_bytes(place.read_bytes()[:left])
+    for path in (out / "figures").rglob("*.parquet"):
+        path.unlink()
+
+
+def test_a_log_whose_summary_was_cut_is_counted_again_in_the_same_run(
+    tmp_path: pathlib.Path,
+) -> None:
+    root, out = tree(tmp_path / "logs", 1, 2), tmp_path / "out"
+    run(root, out)
+    before = results(out)
+    damage(out, root / "m1/2026-11-20.log")
+    outcome = run(root, out)
+    assert (outcome.read, outcome.skipped, outcome.failed) == (1, 1, {})
+    assert results(out) == before and run(root, out).read == 0
+
+
+@pytest.mark.parametrize("left", [-20, 0])
+def test_a_log_that_is_gone_and_whose_summary_is_damaged_is_listed(
+    left: int, tmp_path: pathlib.Path
+) -> None:
+    root, out = tree(tmp_path / "logs", 1, 3), tmp_path / "out"
+    run(root, out)
+    log = root / "m1/2026-11-20.log"
+    damage(out, log, left)
+    log.unlink()
+    outcome = run(root, out)
+    sentence = f"{log} is gone, and its summary is damaged: it no longer counts"
+    assert outcome.failed == {str(log): sentence} and outcome.logs == 2
+    assert not run(root, out).failed
 
 
 def test_a_folder_of_another_format_is_refused_and_left_as_it_is(

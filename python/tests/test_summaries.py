@@ -171,3 +171,19 @@ def test_nothing_to_merge_or_to_summarise_is_told(
     with pytest.raises(plumb.Error) as told:
         plumb.summarise(tmp_path)
     assert str(told.value) == sentence(program, "report", tmp_path, "--out", tmp_path / "out")
+
+
+def test_a_report_that_can_not_be_written_names_no_option(
+    summaries: list[bytes], tmp_path: pathlib.Path
+) -> None:
+    (tmp_path / "file").write_bytes(b"")
+    with pytest.raises(plumb.Error) as told:
+        plumb.report(summaries[0], tmp_path / "file" / "out")
+    assert str(told.value).endswith("; choose another one") and "--" not in str(told.value)
+
+
+def test_a_sentence_has_the_names_of_arguments_in_place_of_options(log: pathlib.Path) -> None:
+    with pytest.raises(plumb.Error, match="^end is not after begin: swap them$"):
+        plumb.decode(log, begin="5", end="2").read_all()
+    with pytest.raises(plumb.Error, match="^nodes needs two node-ids for each instrument"):
+        plumb.summarise(log, nodes=[1])

@@ -14,7 +14,7 @@ import json
 import os
 import pathlib
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from . import filing, layout, page, schedulers, work
@@ -35,6 +35,11 @@ are sent with it."""
 
 UNPACKED = 16
 """Summaries that are written at once."""
+
+LOST = work.Read(
+    None, False, error=f"{work.HERE} is gone, and its summary is damaged: it no longer counts"
+)
+"""What is left of such a log."""
 
 
 @dataclass(frozen=True)
@@ -94,10 +99,17 @@ def run(
     with owned(folder):
         todo, entries = _finished(found, store, how)
         count = _workers(workers, todo)
+        entries += _gone(found, store, how)
+        kept = {entry.read.blake3 for entry in entries}
         with schedulers.opened(scheduler, count) as place:
             entries += _read(place, todo, how, store, progress)
-            entries += _gone(found, store, how)
             lines, days = filing.file(entries, found.strays, how.key)
+            if damaged := _damaged(days, kept, store):
+                again = [one.log for one in entries if one.read.blake3 in damaged and not one.gone]
+                entries = [_without(damaged, entry) for entry in entries if entry.log not in again]
+                entries += _read(place, again, how, store, progress)
+                todo += again
+                lines, days = filing.file(entries, found.strays, how.key)
             _refuse_nothing(lines, days)
             _merge(place, days, store, progress)
         machines = store.machines() | found.machines
@@ -176,9 +188,24 @@ def _gone(found: layout.Found, store: Store, how: work.How) -> list[filing.Entry
         if url in there or line["day"] is None or line["key"] != how.key:
             continue
         known = store.get(line["blake3"])
-        if known is not None:
-            entries.append(filing.left_over(line, known))
+        entries.append(filing.left_over(line, LOST if known is None else known))
     return entries
+
+
+def _damaged(days: dict, kept: set[str | None], store: Store) -> set[str]:
+    """Contents of earlier runs of which a day needs the summary, and it is damaged."""
+    needed = {
+        blake3
+        for day in _changed(days, store)
+        for parts in days[day].values()
+        for blake3, _ in parts
+    }
+    return {blake3 for blake3 in needed & kept if not store.is_whole(blake3)}
+
+
+def _without(damaged: set[str], entry: filing.Entry) -> filing.Entry:
+    """The entry of a log that is gone, when its summary is damaged; any other as it is."""
+    return replace(entry, read=LOST) if entry.read.blake3 in damaged else entry
 
 
 def _read(
@@ -214,8 +241,7 @@ def _merge(place: Any, days: dict, store: Store, progress: Progress) -> None:
     """Writes each day whose logs are others than before."""
     for day in set(store.days()) - set(days):
         store.drop_day(day)
-    digests = {day: _digest(machines) for day, machines in days.items()}
-    changed = [day for day in sorted(days) if store.digest(day) != digests[day]]
+    changed = _changed(days, store)
     all_jobs = sum(len(days[day]) for day in changed)
     waiting: dict[str, list[work.Counted]] = {day: [] for day in changed}
     jobs = _days(changed, days, store)
@@ -226,9 +252,15 @@ def _merge(place: Any, days: dict, store: Store, progress: Progress) -> None:
         for counted in outcome:
             waiting[counted.day].append(counted)
             if len(waiting[counted.day]) == len(days[counted.day]):
-                _write_day(store, counted.day, waiting.pop(counted.day), digests[counted.day])
+                digest = _digest(days[counted.day])
+                _write_day(store, counted.day, waiting.pop(counted.day), digest)
         done += len(group)
         progress("merging", done, all_jobs, done, all_jobs)
+
+
+def _changed(days: dict, store: Store) -> list[str]:
+    """The days that are not there, or of other logs."""
+    return [day for day in sorted(days) if store.digest(day) != _digest(days[day])]
 
 
 def _days(changed: list[str], days: dict, store: Store) -> Iterator[tuple[work.Day, int]]:

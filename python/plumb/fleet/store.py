@@ -125,6 +125,14 @@ class Store:
             raise FleetError(f"{place} was damaged and is removed: run again") from None
         return packed
 
+    def is_whole(self, blake3: str) -> bool:
+        """Whether the summary of a log can be used; one that can't is removed."""
+        try:
+            self.summary(blake3)
+        except FleetError:
+            return False
+        return True
+
     # Tables.
 
     def ledger(self) -> dict[str, dict[str, Any]]:
