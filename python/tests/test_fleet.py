@@ -196,7 +196,7 @@ def test_a_log_counts_on_the_day_of_its_path_unless_its_frames_are_of_another(
     log = layout.Log("/l/m/x.log", "m", path_day, 1, "1", True)
     read = work.Read("0" * 64, True, 5, ns(first), ns(last))
     [line], days = filing.file([filing.Entry(log, read)], {}, "key")
-    assert line["day"] == day and (line["sentence"] is not None) == is_noted
+    assert line.day == day and (line.sentence is not None) == is_noted
     assert list(days) == ([] if day is None else [day])
 
 

@@ -11,14 +11,12 @@ from __future__ import annotations
 import datetime
 from collections import defaultdict
 from dataclasses import dataclass, replace
-from typing import Any
 
 from .layout import Log
+from .store import Line
 from .work import HERE, Read
 
 DAY_NS = 86_400_000_000_000
-
-Line = dict[str, Any]
 
 Parts = list[tuple[str, str]]
 """Of a machine's day: content and name of each log."""
@@ -37,7 +35,7 @@ class Entry:
 def left_over(line: Line, read: Read) -> Entry:
     """A log of an earlier run that is no longer there; what it came to still counts."""
     log = Log(
-        line["log"], line["machine"], line["path_day"], line["size"], line["stamp"] or "", True
+        line.log, line.machine or "", line.path_day, line.size or 0, line.stamp or "", True
     )
     return Entry(log, read, gone=True)
 
@@ -48,7 +46,7 @@ def file(entries: list[Entry], strays: dict[str, str], key: str) -> tuple[list[L
     A content counts once: for the first log in the order of their URLs, those that are there before
     those that are gone.
     """
-    lines = [_stray(url, why, key) for url, why in strays.items()]
+    lines = [Line(url, key, "stray", why) for url, why in strays.items()]
     days: dict[str, dict[str, Parts]] = defaultdict(lambda: defaultdict(list))
     first: dict[str, Log] = {}
     for entry in sorted(entries, key=lambda entry: (entry.gone, entry.log.url)):
@@ -108,26 +106,19 @@ def _day(log: Log, read: Read) -> tuple[str | None, str | None]:
 
 def _line(entry: Entry, key: str, day: str | None, status: str, sentence: str | None) -> Line:
     log, read = entry.log, entry.read
-    return {
-        "log": log.url,
-        "machine": log.machine,
-        "day": day,
-        "status": status,
-        "sentence": sentence,
-        "frames": read.frames,
-        "size": log.size,
-        "blake3": read.blake3,
-        "stamp": log.stamp if read.settled else None,
-        "path_day": log.day,
-        "key": key,
-    }
-
-
-def _stray(url: str, sentence: str, key: str) -> Line:
-    empty = dict.fromkeys(
-        ("machine", "day", "frames", "size", "blake3", "stamp", "path_day")
+    return Line(
+        log=log.url,
+        key=key,
+        status=status,
+        sentence=sentence,
+        machine=log.machine,
+        day=day,
+        frames=read.frames,
+        size=log.size,
+        blake3=read.blake3,
+        stamp=log.stamp if read.settled else None,
+        path_day=log.day,
     )
-    return {"log": url, "status": "stray", "sentence": sentence, "key": key} | empty
 
 
 def without_summary(read: Read) -> Read:

@@ -18,7 +18,7 @@ from typing import Any
 
 from .. import _plumb
 from .asking import Figures, sql
-from .store import Store
+from .store import Line, Store
 from .visits import Rules, Visit
 from .visits import found as visits
 
@@ -56,7 +56,7 @@ def folder_of(machine: str) -> str:
     return safe
 
 
-def write(store: Store, rules: Rules, lines: list[Row]) -> Made:
+def write(store: Store, rules: Rules, lines: list[Line]) -> Made:
     """Makes the page of what the folder holds; the pages of machines stand before it."""
     with Figures(store.folder) as figures:
         found = visits(figures, rules)
@@ -76,13 +76,13 @@ def _remove_others(folder: pathlib.Path, wanted: set[str]) -> None:
                 shutil.rmtree(entry.path, ignore_errors=True)
 
 
-def _report(figures: Figures, rules: Rules, found: list[Visit], lines: list[Row]) -> Row:
+def _report(figures: Figures, rules: Rules, found: list[Visit], lines: list[Line]) -> Row:
     def ask(question: str) -> list[Row]:
         return figures.rows(question, **rules.parameters())
 
     [total] = figures.rows(TOTAL)
     known = {row["machine"]: row for row in figures.rows(KNOWN)}
-    bad = [line for line in lines if line["status"] in ("failed", "incomplete")]
+    bad = [line for line in lines if line.status in ("failed", "incomplete")]
     return {
         "format": FORMAT,
         "version": VERSION,
@@ -130,9 +130,9 @@ def _verdict(total: Row, found: list[Visit], bad: list[Row]) -> str:
     return text
 
 
-def _facts(total: Row, lines: list[Row]) -> list[list[str]]:
-    counted = [line for line in lines if line["status"] in ("counted", "incomplete")]
-    frames = sum(line["frames"] for line in counted)
+def _facts(total: Row, lines: list[Line]) -> list[list[str]]:
+    counted = [line for line in lines if line.status in ("counted", "incomplete")]
+    frames = sum(line.frames for line in counted)
     return [
         ["Machines", str(total["machines"])],
         ["Logs", str(len(counted))],
@@ -370,12 +370,13 @@ def _restarts(restarts: list[Row], silent: list[Row]) -> Row:
     return _section("Restarts and silent days", text, tables)
 
 
-def _logs(lines: list[Row]) -> Row:
+def _logs(lines: list[Line]) -> Row:
     order = {"failed": 0, "incomplete": 1, "stray": 2, "duplicate": 3, "counted": 4}
-    listed = [line for line in lines if line["sentence"]]
-    listed.sort(key=lambda line: (order[line["status"]], line["log"]))
+    told = [line for line in lines if line.sentence]
+    told.sort(key=lambda line: (order[line.status], line.log))
+    listed = [{"log": one.log, "status": one.status, "sentence": one.sentence} for one in told]
     columns: list[Column] = [
-        ("Log", lambda line: os.fspath(line["log"]), None),
+        ("Log", _of("log"), None),
         ("Status", _of("status"), None),
         ("Why", _of("sentence"), None),
     ]

@@ -20,7 +20,7 @@ from typing import Any
 from . import filing, layout, page, schedulers, work
 from .errors import FleetError
 from .figures import SCHEMA
-from .store import SUMMARIES, Store, owned, write_table
+from .store import SUMMARIES, Line, Store, owned, write_table
 from .visits import Rules
 
 NODES = 127
@@ -97,19 +97,18 @@ def run(
     except OSError as why:
         raise FleetError(f"{why.filename} can't be read: {why.strerror}") from None
     with owned(folder):
-        todo, entries = _finished(found, store, how)
-        count = _workers(workers, todo)
-        entries += _gone(found, store, how)
-        kept = {entry.read.blake3 for entry in entries}
-        with schedulers.opened(scheduler, count) as place:
+        ledger = store.ledger()
+        todo, entries = _finished(found, ledger | store.journal(), store, how)
+        entries += _gone(found, ledger, store, how)
+        known, read = {entry.read.blake3 for entry in entries}, len(todo)
+        with schedulers.opened(scheduler, _workers(workers, todo)) as place:
             entries += _read(place, todo, how, store, progress)
             lines, days = filing.file(entries, found.strays, how.key)
-            if damaged := _damaged(days, kept, store):
-                again = [one.log for one in entries if one.read.blake3 in damaged and not one.gone]
-                entries = [_without(damaged, entry) for entry in entries if entry.log not in again]
+            if damaged := _damaged(days, known, store):
+                again, entries = _apart(entries, damaged)
                 entries += _read(place, again, how, store, progress)
-                todo += again
                 lines, days = filing.file(entries, found.strays, how.key)
+                read += len(again)
             _refuse_nothing(lines, days)
             _merge(place, days, store, progress)
         machines = store.machines() | found.machines
@@ -117,7 +116,7 @@ def run(
         store.write_ledger(lines)
         store.end_journal()
         made = page.write(store, rules, lines)
-    return _outcome(made, lines, days, len(todo), len(entries))
+    return _outcome(made, lines, days, read, len(entries))
 
 
 def _pairs(nodes: Iterable[int]) -> tuple[int, ...]:
@@ -163,16 +162,15 @@ def _workers(wanted: int | None, todo: list[layout.Log]) -> int:
 
 
 def _finished(
-    found: layout.Found, store: Store, how: work.How
+    found: layout.Found, ledger: dict[str, Line], store: Store, how: work.How
 ) -> tuple[list[layout.Log], list[filing.Entry]]:
     """The logs that have to be read, and those that are finished."""
     todo, entries = [], []
-    ledger = store.ledger() | store.journal()
     for log in found.logs:
-        line = ledger.get(log.url, {})
-        seen = [line.get(name) for name in ("stamp", "size", "key")]
-        same = log.stamp != "" and seen == [log.stamp, log.size, how.key]
-        known = store.get(line.get("blake3")) if same else None
+        known = None
+        if log.stamp != "" and (line := ledger.get(log.url)):
+            same = (line.stamp, line.size, line.key) == (log.stamp, log.size, how.key)
+            known = store.get(line.blake3) if same else None
         if known is None:
             todo.append(log)
         else:
@@ -180,19 +178,20 @@ def _finished(
     return todo, entries
 
 
-def _gone(found: layout.Found, store: Store, how: work.How) -> list[filing.Entry]:
+def _gone(
+    found: layout.Found, ledger: dict[str, Line], store: Store, how: work.How
+) -> list[filing.Entry]:
     """Logs of earlier runs that are no longer there, and were counted."""
     there = {log.url for log in found.logs} | set(found.strays)
     entries = []
-    for url, line in store.ledger().items():
-        if url in there or line["day"] is None or line["key"] != how.key:
+    for url, line in ledger.items():
+        if url in there or line.day is None or line.key != how.key:
             continue
-        known = store.get(line["blake3"])
-        entries.append(filing.left_over(line, LOST if known is None else known))
+        entries.append(filing.left_over(line, store.get(line.blake3) or LOST))
     return entries
 
 
-def _damaged(days: dict, kept: set[str | None], store: Store) -> set[str]:
+def _damaged(days: dict, known: set[str | None], store: Store) -> set[str]:
     """Contents of earlier runs of which a day needs the summary, and it is damaged."""
     needed = {
         blake3
@@ -200,12 +199,19 @@ def _damaged(days: dict, kept: set[str | None], store: Store) -> set[str]:
         for parts in days[day].values()
         for blake3, _ in parts
     }
-    return {blake3 for blake3 in needed & kept if not store.is_whole(blake3)}
+    return {blake3 for blake3 in needed & known if not store.is_whole(blake3)}
 
 
-def _without(damaged: set[str], entry: filing.Entry) -> filing.Entry:
-    """The entry of a log that is gone, when its summary is damaged; any other as it is."""
-    return replace(entry, read=LOST) if entry.read.blake3 in damaged else entry
+def _apart(
+    entries: list[filing.Entry], damaged: set[str]
+) -> tuple[list[layout.Log], list[filing.Entry]]:
+    """The logs of damaged summaries that have to be read again, and all others; those that are gone
+    without another log of their content are lost."""
+    again = [one for one in entries if one.read.blake3 in damaged and not one.gone]
+    lost = damaged - {one.read.blake3 for one in again}
+    others = [one for one in entries if one.read.blake3 not in damaged or one.gone]
+    others = [replace(one, read=LOST) if one.read.blake3 in lost else one for one in others]
+    return [one.log for one in again], others
 
 
 def _read(
@@ -229,10 +235,10 @@ def _read(
     return results
 
 
-def _refuse_nothing(lines: list[filing.Line], days: dict) -> None:
+def _refuse_nothing(lines: list[Line], days: dict) -> None:
     if days:
         return
-    failed = [line["sentence"] for line in lines if line["status"] == "failed"]
+    failed = [line.sentence for line in lines if line.status == "failed"]
     others = f", and {len(failed) - 1} more" if len(failed) > 1 else ""
     raise FleetError(f"no log could be counted: {failed[0]}{others}")
 
@@ -288,19 +294,19 @@ def _write_day(store: Store, day: str, counted: list[work.Counted], digest: str)
 
 
 def _outcome(
-    made: page.Made, lines: list[filing.Line], days: dict, read: int, entries: int
+    made: page.Made, lines: list[Line], days: dict, read: int, entries: int
 ) -> Outcome:
     def of(*statuses: str) -> dict[str, str]:
-        wanted = [line for line in lines if line["status"] in statuses and line["sentence"]]
-        return {line["log"]: line["sentence"] for line in wanted}
+        wanted = [line for line in lines if line.status in statuses and line.sentence]
+        return {line.log: line.sentence for line in wanted}
 
-    counted = [line for line in lines if line["status"] in ("counted", "incomplete")]
+    counted = [line for line in lines if line.status in ("counted", "incomplete")]
     return Outcome(
         page=made.path,
         verdict=made.verdict,
         machines=len({machine for machines in days.values() for machine in machines}),
         logs=len(counted),
-        frames=sum(line["frames"] for line in counted),
+        frames=sum(line.frames for line in counted),
         read=read,
         skipped=entries - read,
         failed=of("failed"),

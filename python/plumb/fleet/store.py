@@ -25,6 +25,7 @@ import shutil
 import tempfile
 import zlib
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from typing import IO, Any
 
 import pyarrow
@@ -49,7 +50,28 @@ LEDGER = pyarrow.schema(
         ("key", pyarrow.string()),
     ]
 )
-"""Columns of logs.parquet; status is counted, incomplete, duplicate, failed or stray."""
+"""Columns of logs.parquet."""
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """A row of logs.parquet."""
+
+    log: str
+    key: str
+    """How it was read."""
+    status: str = ""
+    """counted, incomplete, duplicate, failed or stray."""
+    sentence: str | None = None
+    machine: str | None = None
+    day: str | None = None
+    """That it counts on."""
+    frames: int | None = None
+    size: int | None = None
+    blake3: str | None = None
+    stamp: str | None = None
+    """That of the file, where it stands for its content."""
+    path_day: str | None = None
 
 MACHINES = pyarrow.schema([(name, pyarrow.string()) for name in ("machine", *ABOUT)])
 """Columns of machines.parquet."""
@@ -135,13 +157,13 @@ class Store:
 
     # Tables.
 
-    def ledger(self) -> dict[str, dict[str, Any]]:
+    def ledger(self) -> dict[str, Line]:
         """The lines of the last run, by log; none where there was no run."""
         path = self.folder / "logs.parquet"
         if not path.exists():
             return {}
-        table = _read_table(path)
-        return {row["log"]: row for row in table.to_pylist()}
+        groups = _read_table(path).to_batches(max_chunksize=AT_ONCE)
+        return {row["log"]: Line(**row) for group in groups for row in group.to_pylist()}
 
     def note(self, log: Log, result: Read, key: str) -> None:
         """Keeps in a journal which content a log has, so that an interrupted run is gone on with."""
@@ -152,25 +174,26 @@ class Store:
         with (self.folder / JOURNAL).open("a", encoding="utf-8", errors="surrogateescape") as file:
             file.write(json.dumps(line) + "\n")
 
-    def journal(self) -> dict[str, dict[str, Any]]:
+    def journal(self) -> dict[str, Line]:
         """The logs of a run that was interrupted; a line that was cut is left out."""
         path = self.folder / JOURNAL
-        found: dict[str, dict[str, Any]] = {}
+        found: dict[str, Line] = {}
         if path.exists():
             for text in path.read_text(encoding="utf-8", errors="replace").splitlines():
-                with contextlib.suppress(ValueError, KeyError, TypeError):
-                    line = json.loads(text)
-                    found[line["log"]] = line
+                with contextlib.suppress(ValueError, TypeError):
+                    line = Line(**json.loads(text))
+                    found[line.log] = line
         return found
 
     def end_journal(self) -> None:
         """The lines of the run are written: the journal has ended."""
         (self.folder / JOURNAL).unlink(missing_ok=True)
 
-    def write_ledger(self, lines: list[dict[str, Any]]) -> None:
+    def write_ledger(self, lines: list[Line]) -> None:
         """Writes the lines, in the order of the logs."""
-        lines = sorted(lines, key=lambda line: line["log"])
-        write_table(self.folder / "logs.parquet", lines, LEDGER)
+        ordered = sorted(lines, key=lambda line: line.log)
+        rows = ({name: getattr(line, name) for name in LEDGER.names} for line in ordered)
+        write_table(self.folder / "logs.parquet", rows, LEDGER)
 
     def machines(self) -> dict[str, dict[str, Any]]:
         """What is known of the machines from manifests."""
