@@ -288,28 +288,34 @@ pub fn quantities(report: &PeriodReport, instrument: &InstrumentReport) -> Vec<C
     charts
 }
 
-/// Rates of turn and the uncertainty of the angle now over time, where there is a gyroscope.
+/// Rates of turn and the uncertainty of the angle now over time, each where a channel has sent it.
 pub fn motion(report: &PeriodReport, instrument: &InstrumentReport) -> Vec<Chart> {
-    let plots = |of: fn(&MotionReport) -> &[Bin]| {
-        of_channels(instrument, |channel| channel.motion.as_ref().map(of))
-    };
+    type Of = fn(&MotionReport) -> (u64, &[Bin]);
+    let rates: Of = |motion| (motion.messages, &motion.fastest_bins);
+    let now: Of = |motion| (motion.angles, &motion.uncertainty.bins);
     let number = instrument.number;
-    vec![
-        over_time(
-            report,
+    let kinds = [
+        (
             format!("rate-{number}"),
             "Rate of turn about the fastest axis",
             "deg/s",
-            plots(|motion| &motion.fastest_bins),
+            rates,
         ),
-        over_time(
-            report,
+        (
             format!("uncertainty-now-{number}"),
             "Standard uncertainty of the angle now (k = 1)",
             "deg",
-            plots(|motion| &motion.uncertainty.bins),
+            now,
         ),
-    ]
+    ];
+    let charts = kinds.into_iter().filter_map(|(id, title, unit, of)| {
+        let plots = of_channels(instrument, |channel| {
+            let (messages, bins) = of(channel.motion.as_ref()?);
+            (messages > 0).then_some(bins)
+        });
+        (!plots.is_empty()).then(|| over_time(report, id, title, unit, plots))
+    });
+    charts.collect()
 }
 
 /// What was on the bus over time.

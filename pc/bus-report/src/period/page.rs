@@ -166,7 +166,10 @@ fn what_was_measured(report: &PeriodReport, instrument: &InstrumentReport) -> St
     let rates = tables::rates(instrument);
     if !rates.rows.is_empty() {
         out += &html::table(&rates);
-        out += &row_of(&charts::motion(report, instrument));
+    }
+    let motion = charts::motion(report, instrument);
+    if !motion.is_empty() {
+        out += &row_of(&motion);
     }
     out += &html::table(&tables::channels(instrument));
     let findings = tables::findings(report, instrument);

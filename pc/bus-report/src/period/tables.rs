@@ -166,15 +166,16 @@ pub fn angles(instrument: &InstrumentReport) -> Table {
     table
 }
 
-/// The slopes of a channel, then those now where it has a gyroscope.
+/// The slopes of a channel, then those now where it has sent them.
 fn angles_of(channel: &ChannelReport) -> Vec<(&ChannelReport, &'static str, &AxisFigures)> {
     let slopes = channel.slopes.iter().map(|slope| ("", &slope.values));
-    let now = channel.motion.iter().flat_map(|motion| &motion.slopes);
+    let now = channel.motion.iter().filter(|motion| motion.angles > 0);
+    let now = now.flat_map(|motion| &motion.slopes);
     let all = slopes.chain(now.map(|values| (" now", values)));
     all.map(|(when, values)| (channel, when, values)).collect()
 }
 
-/// The rates of turn of channels with a gyroscope.
+/// The rates of turn of channels that have sent them.
 pub fn rates(instrument: &InstrumentReport) -> Table {
     let rates: Vec<_> = instrument.channels.iter().flat_map(rates_of).collect();
     Rows::of("Rates of turn", &rates)
@@ -195,7 +196,8 @@ pub fn rates(instrument: &InstrumentReport) -> Table {
 }
 
 fn rates_of(channel: &ChannelReport) -> impl Iterator<Item = (&ChannelReport, &RateReport)> {
-    let rates = channel.motion.iter().flat_map(|motion| &motion.rates);
+    let sent = channel.motion.iter().filter(|motion| motion.messages > 0);
+    let rates = sent.flat_map(|motion| &motion.rates);
     rates.map(move |rate| (channel, rate))
 }
 

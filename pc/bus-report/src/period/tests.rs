@@ -346,6 +346,16 @@ fn time_that_goes_backwards_is_told_and_upsets_nothing() {
 }
 
 #[test]
+fn a_log_that_was_appended_to_itself_counts_twice_and_the_page_states_it() {
+    let appended = [frames().as_slice(), frames()].concat();
+    let twice = collected(&appended, PartOptions::default());
+    assert!(twice.covered_s > 1.9 * report().covered_s);
+    let told = "Time went backwards 1 time: the clock was set back, or a stretch stands in a log \
+                twice and counts twice.";
+    assert!(page::page(&twice).contains(told), "{:?}", twice.notes);
+}
+
+#[test]
 fn a_single_small_time_made_a_whole_log_undated() {
     let frame = Frame::data_frame(0x181, &SLOPES);
     let told = |times_s: &[u64]| {
@@ -552,6 +562,26 @@ fn angle_now_and_rates_of_turn_are_in_the_report_of_an_instrument_with_a_gyrosco
     check::assert_stands_alone(&page);
     assert!(page.contains("Rate of turn about the fastest axis"));
     assert!(page.contains("X now"));
+}
+
+/// A fault of this page: rows and charts without a value stood for the TPDO that is not in the log.
+#[test]
+fn where_only_one_of_tpdo_5_and_6_is_sent_nothing_stands_for_the_other() {
+    let shown = |left_out: [u16; 2]| {
+        let mut frames = turned().clone();
+        frames.retain(|(_, frame)| !left_out.iter().any(|id| frame.cob_id() == Some(*id)));
+        let report = collected(&frames, PartOptions::default());
+        let instrument = &report.instruments[0];
+        let rows = [tables::angles(instrument), tables::rates(instrument)];
+        let page = page::page(&report);
+        check::assert_balanced(&page);
+        assert!(!page.contains("No data:"));
+        let texts = ["X now", "of the angle now", "Rate of turn"].map(|text| page.contains(text));
+        (rows.map(|table| table.rows.len()), texts)
+    };
+    assert_eq!(shown([0x201, 0x202]), ([4, 6], [false, false, true]));
+    assert_eq!(shown([0x301, 0x302]), ([8, 0], [true, true, false]));
+    assert_eq!(shown([0x202, 0x301]), ([6, 3], [true, true, true]));
 }
 
 #[test]

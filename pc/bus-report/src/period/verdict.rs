@@ -153,8 +153,9 @@ pub fn notes(report: &PeriodReport) -> Vec<String> {
     add(
         backwards > 0,
         format!(
-            "Time went backwards {backwards} times. What lies between such frames is counted in no \
-             length of time."
+            "Time went backwards {}: the clock was set back, or a stretch stands in a log twice \
+             and counts twice. What lies between such frames is counted in no length of time.",
+            plural(backwards as usize, "time", "times")
         ),
     );
     add(
