@@ -213,8 +213,12 @@ def _flat(values: npt.ArrayLike, dtype: type, name: str) -> npt.NDArray:
 
 def _exact(values: npt.ArrayLike, dtype: type, name: str) -> npt.NDArray:
     """Without a copy where the array is of this type already; no value may change."""
-    given = np.asarray(values)
-    array: npt.NDArray = np.ascontiguousarray(given, dtype=dtype)
+    try:
+        given = np.asarray(values)
+        with np.errstate(invalid="ignore"):
+            array: npt.NDArray = np.ascontiguousarray(given, dtype=dtype)
+    except (TypeError, ValueError):
+        raise Error(f"{name} is no array of numbers") from None
     if given.dtype != dtype and not np.array_equal(given, array):
         raise Error(f"{name} has values that {np.dtype(dtype).name} can't hold")
     return array

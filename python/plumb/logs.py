@@ -13,6 +13,9 @@ from ._plumb import Decoder, Error, IncompleteWarning
 
 Path = Union[str, "os.PathLike[str]"]
 
+NODES = 127
+"""The greatest node-id (CiA 301, 7.2.1)."""
+
 
 def paths(given: Path | Iterable[Path]) -> list[str]:
     """One path or several, as text."""
@@ -42,6 +45,18 @@ class Skipped:
     """The file of the first of them."""
     first_line: int
     """Its line, counted from 1."""
+
+
+def node_ids(nodes: Iterable[int]) -> list[int]:
+    """Node-ids of CANopen, as the native half takes them.
+
+    Errors: `Error` where one is none.
+    """
+    given = list(nodes)
+    for node in given:
+        if not 1 <= node <= NODES:
+            raise Error(f"{node} is no node-id: give 1 to {NODES}")
+    return given
 
 
 class Decoded:
@@ -135,4 +150,4 @@ def decode(
     since the first frame, or a date as 2026-11-22T12:30:00.
     """
     sheets = [] if eds is None else paths(eds)
-    return Decoded(Decoder(logs_of(log), sheets, list(nodes), channel, begin, end))
+    return Decoded(Decoder(logs_of(log), sheets, node_ids(nodes), channel, begin, end))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import warnings
 from collections.abc import Iterable
@@ -10,7 +11,7 @@ from pathlib import Path
 from . import _plumb
 from ._plumb import Error, IncompleteWarning
 from .logs import Path as Log
-from .logs import logs_of, paths
+from .logs import logs_of, node_ids, paths
 
 
 def summarise(
@@ -25,7 +26,7 @@ def summarise(
     read is told by an `IncompleteWarning`.
     """
     sheets = [] if eds is None else paths(eds)
-    summary, incomplete = _plumb.summarise(logs_of(log), sheets, list(nodes))
+    summary, incomplete = _plumb.summarise(logs_of(log), sheets, node_ids(nodes))
     if incomplete is not None:
         warnings.warn(incomplete, IncompleteWarning, stacklevel=2)
     return summary
@@ -45,5 +46,7 @@ def report(
 
     `bit_rate` in bit/s, to state the load of the bus in per cent.
     """
+    if bit_rate is not None and not 0 < bit_rate < math.inf:
+        raise Error(f"{bit_rate} bit/s is no bit rate: give more than 0")
     html, _ = _plumb.report(bytes(summary), os.fspath(path), bit_rate)
     return Path(html)

@@ -136,6 +136,10 @@ def test_a_motor_finds_a_crooked_part() -> None:
         (lambda: plumb.Chain().run(), "give either counts or accel_g"),
         (lambda: plumb.Chain().run([[1, 2]]), "counts is an array of n x 3"),
         (lambda: plumb.Chain().run([[1, 2, 40_000]]), "counts has values that int16 can't hold"),
+        (lambda: plumb.Chain().run([[1, 2, math.nan]]), "counts has values that int16 can't hold"),
+        (lambda: plumb.Chain().run([["a", "b", "c"]]), "counts is no array of numbers"),
+        (lambda: plumb.Chain().run([[None] * 3]), "counts is no array of numbers"),
+        (lambda: plumb.Chain().run([[1, 2, 3], [1, 2]]), "counts is no array of numbers"),
         (lambda: plumb.Chain().run([[1, 2, 3]], [1, 2]), "there are 1 samples and 2 of times_us"),
         # It was taken for an acceleration of 0, and gave a valid angle.
         (lambda: plumb.Chain().run(accel_g=[[0, 0, math.nan]]), "accel_g has values that are not"),

@@ -6,6 +6,7 @@ from __future__ import annotations
 import os
 import pathlib
 import signal
+import socket
 from collections.abc import Iterator
 
 import pyarrow
@@ -131,6 +132,7 @@ BAD = [
     (["{root}/logs", "--manifest", "{root}/none.parquet"], no_manifest, "can't be read as Parquet"),
     (["{root}/logs", "--scheduler", "tcp://127.0.0.1:9"], no_manifest, "no Dask scheduler answers"),
     (["{root}/logs", "--scheduler", "nonsense"], no_manifest, "is no address of a Dask"),
+    (["{root}/logs", "--scheduler", ""], no_manifest, "'' is no address of a Dask"),
     (["{root}/logs", "--workers", "0"], no_manifest, "0 workers"),
     (["{root}/logs", "--nodes", "one"], no_manifest, "is no list of node-ids"),
     (["{root}/logs", "--nodes", "1"], no_manifest, "each instrument has two nodes"),
@@ -168,6 +170,18 @@ def test_what_can_not_be_done_is_one_sentence_and_nothing_is_written(
     assert not [path for path in there if path.name in ("report.html", "rows.parquet")]
     if "could be counted" not in sentence:
         assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_a_scheduler_that_listens_and_never_answers_is_told(
+    tmp_path: pathlib.Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(schedulers, "ANSWER_S", 1.0)
+    root = tree(tmp_path / "logs", 1, 1)
+    with socket.create_server(("127.0.0.1", 0)) as mute:
+        address = f"tcp://127.0.0.1:{mute.getsockname()[1]}"
+        with pytest.raises(FleetError, match=f"no Dask scheduler answers at {address}: start one"):
+            run(root, tmp_path / "out", scheduler=address)
+    assert not (tmp_path / "out").exists()
 
 
 def test_bad_logs_among_good_ones_are_listed_and_the_status_is_2(

@@ -187,3 +187,19 @@ def test_a_sentence_has_the_names_of_arguments_in_place_of_options(log: pathlib.
         plumb.decode(log, begin="5", end="2").read_all()
     with pytest.raises(plumb.Error, match="^nodes needs two node-ids for each instrument"):
         plumb.summarise(log, nodes=[1])
+
+
+@pytest.mark.parametrize("bit_rate", [0, -1, float("nan"), float("inf")])
+def test_a_bit_rate_that_is_none_is_refused(
+    bit_rate: float, summaries: list[bytes], tmp_path: pathlib.Path
+) -> None:
+    with pytest.raises(plumb.Error, match="bit/s is no bit rate: give more than 0"):
+        plumb.report(summaries[0], tmp_path / "out", bit_rate=bit_rate)
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("node", [-1, 0, 128, 300])
+def test_a_number_that_is_no_node_id_is_told_in_a_sentence(node: int, log: pathlib.Path) -> None:
+    for count in (plumb.decode, plumb.summarise):
+        with pytest.raises(plumb.Error, match=f"^{node} is no node-id: give 1 to 127$"):
+            count(log, nodes=[1, node])

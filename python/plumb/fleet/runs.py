@@ -17,14 +17,12 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
+from ..logs import NODES
 from . import filing, layout, page, schedulers, work
 from .errors import FleetError
 from .figures import SCHEMA
 from .store import SUMMARIES, Line, Store, owned, write_table
 from .visits import Rules
-
-NODES = 127
-"""The greatest node-id (CiA 301, 7.2.1)."""
 
 Progress = Callable[[str, int, int, float, float], None]
 """Called with the stage, the jobs that are done and all of them, and the same of the work."""

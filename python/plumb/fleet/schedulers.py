@@ -11,6 +11,7 @@ Left out: what the jobs are (`work`).
 from __future__ import annotations
 
 import asyncio
+import concurrent.futures
 import contextlib
 import logging
 import os
@@ -172,10 +173,11 @@ def opened(scheduler: str | Place | None, workers: int) -> Iterator[Place]:
     except ImportError:
         raise FleetError("Dask is not installed: type pip install 'plumb[fleet]'") from None
     with _quiet(), contextlib.ExitStack() as stack:
-        address = scheduler or stack.enter_context(local(workers))
+        is_own = scheduler is None
+        address = stack.enter_context(local(workers)) if is_own else scheduler
         client = stack.enter_context(_client(address))
         try:
-            client.wait_for_workers(1 if scheduler else workers, timeout=3 * ANSWER_S)
+            client.wait_for_workers(workers if is_own else 1, timeout=3 * ANSWER_S)
         except (TimeoutError, OSError):
             raise FleetError(f"the scheduler {address} has no worker: start one there") from None
         yield Dask(client, address)
@@ -190,11 +192,14 @@ def _client(address: str) -> Iterator[Any]:
         get_address_host_port(address)
     except ValueError:
         raise FleetError(
-            f"{address} is no address of a Dask scheduler: write it as tcp://host:8786"
+            f"{address!r} is no address of a Dask scheduler: write it as tcp://host:8786"
         ) from None
     try:
+        # A client waits for ever where something listens that never says a word.
+        with concurrent.futures.ThreadPoolExecutor(1) as beside:
+            beside.submit(asyncio.run, _greet(address)).result()
         client = Client(address, timeout=ANSWER_S, set_as_default=False)
-    except (OSError, TimeoutError, ValueError):
+    except (OSError, TimeoutError, asyncio.TimeoutError, ValueError):
         raise FleetError(
             f"no Dask scheduler answers at {address}: start one, check the address, or leave "
             "--scheduler out"
@@ -203,6 +208,19 @@ def _client(address: str) -> Iterator[Any]:
         yield client
     finally:
         client.close()
+
+
+async def _greet(address: str) -> None:
+    """Connects to a scheduler, and leaves.
+
+    Errors: `OSError` or a time-out where none answers.
+    """
+    from distributed import Security
+    from distributed.comm import connect
+
+    words = Security().get_connection_args("client")
+    comm = await asyncio.wait_for(connect(address, timeout=ANSWER_S, **words), ANSWER_S)
+    await comm.close()
 
 
 @contextlib.contextmanager
