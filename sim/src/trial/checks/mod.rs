@@ -158,10 +158,13 @@ impl Limits {
         latency_s: 1e-6 * PRODUCT_LATENCY_US as f64,
     };
 
-    /// How far an angle may be off, deg, by the standard uncertainty that its channel states.
-    fn within_deg(&self, uncertainty_deg: Option<f64>) -> f64 {
-        let stated = self.uncertainty_deg.and(uncertainty_deg);
-        stated.map_or(LIMIT_DEG, |u| LIMIT_DEG.max(COVERAGE * u))
+    /// How far an angle may be off, deg, by the standard uncertainty that its channel states;
+    /// `None` where that counts and none is stated.
+    fn within_deg(&self, stated_deg: Option<f64>) -> Option<f64> {
+        match self.uncertainty_deg {
+            Some(_) => stated_deg.map(|u| LIMIT_DEG.max(COVERAGE * u)),
+            None => Some(LIMIT_DEG),
+        }
     }
 
     /// What is wrong with the uncertainty that a channel states of a valid angle.
@@ -192,8 +195,8 @@ pub struct Affected {
 pub struct Checks {
     limits: Limits,
     syncs: VecDeque<f64>,
-    /// How far an angle of each channel may be off, deg.
-    within_deg: [f64; CHANNELS],
+    /// How far an angle of each channel may be off, deg; `None` until it states that.
+    within_deg: [Option<f64>; CHANNELS],
     angles: angle::Angles,
     exposure: exposure::Exposure,
     stale: stale::Stale,
@@ -203,7 +206,7 @@ pub struct Checks {
     alarms: alarm::Alarms,
     emergencies: emergency::Emergencies,
     order: order::Order,
-    /// What was broken, in the order of time.
+    /// What was broken, in the order in which that was certain.
     pub violations: Vec<Violation>,
 }
 
@@ -213,7 +216,7 @@ impl Checks {
         Self {
             limits,
             syncs: VecDeque::new(),
-            within_deg: [LIMIT_DEG; CHANNELS],
+            within_deg: [limits.within_deg(None); CHANNELS],
             angles: angle::Angles::new(limits.reaction_s),
             exposure: exposure::Exposure::default(),
             stale: stale::Stale::new(limits.reaction_s, limits.latency_s),
@@ -291,7 +294,8 @@ impl Checks {
         ideal: impl Fn(f64) -> Option<[f64; 2]>,
     ) {
         let before = self.violations.len();
-        let within_deg = self.within_deg[channel];
+        let stated_deg = self.within_deg[channel];
+        let within_deg = stated_deg.unwrap_or(LIMIT_DEG);
         match message {
             Message::Sync => self.sync(at_s),
             Message::Slopes(slopes) => {
@@ -312,7 +316,7 @@ impl Checks {
                 };
                 let found = (self.angles).see(at, channel, slopes.deg, newest, older);
                 self.violations.extend(found);
-                let frame = (channel, Kind::Slopes, within_deg);
+                let frame = (channel, Kind::Slopes, stated_deg);
                 let found = self.stale.see(at_s, frame, slopes.deg, &ideal);
                 self.violations.extend(found);
                 (self.order).slopes(at_s, (channel, within_deg), slopes.deg, newest);
@@ -320,7 +324,7 @@ impl Checks {
             Message::Safety(deg) => {
                 let found = (self.safety).see(at_s, (channel, within_deg), *deg, &ideal);
                 self.violations.extend(found);
-                let frame = (channel, Kind::Safety, within_deg);
+                let frame = (channel, Kind::Safety, stated_deg);
                 let found = self.stale.see(at_s, frame, deg.map(Some), &ideal);
                 self.violations.extend(found);
                 self.order.safety(at_s, channel);
@@ -337,7 +341,10 @@ impl Checks {
             }
             Message::Heartbeat(state) => self.order.nmt(at_s, channel, *state),
             Message::State(state) => {
-                self.within_deg[channel] = self.limits.within_deg(state.uncertainty_deg);
+                let within_deg = self.limits.within_deg(state.uncertainty_deg);
+                self.within_deg[channel] = within_deg;
+                self.violations
+                    .extend(self.stale.state(channel, within_deg));
                 let found = self.limits.uncertain(at_s, channel, state.uncertainty_deg);
                 self.violations.extend(found);
             }
@@ -381,6 +388,8 @@ impl Checks {
         let before = self.violations.len();
         self.pass(at_s);
         let found = self.emergencies.end(at_s);
+        self.violations.extend(found);
+        let found = (0..CHANNELS).filter_map(|channel| self.stale.state(channel, None));
         self.violations.extend(found);
         self.keep_what_counts(before);
     }

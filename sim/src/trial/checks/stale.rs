@@ -6,12 +6,15 @@
 //! and goes out when that ends stands alone, so no rule about the length of a stretch of wrong
 //! angles finds it.
 //!
+//! Where an angle is right within what its channel states, and that is not known yet, the frame
+//! waits for it.
+//!
 //! Left out: frames that follow others closely, since none of them can be so old, and the peak of a
 //! shock may be off for one; and a channel that is faulty itself, whose angle may be wrong for the
 //! reaction time without being old.
 
 use super::safety::ages_s;
-use super::{Rule, Violation};
+use super::{LIMIT_DEG, Rule, Violation};
 use crate::trial::CHANNELS;
 
 /// Time between two looks at the truth, s; what moves passes through all that is between.
@@ -28,6 +31,9 @@ pub struct Stale {
     latency_s: f64,
     faulty: [bool; CHANNELS],
     told: [bool; CHANNELS],
+    /// What was found before the channel stated how certain its angle is, and how far that is from
+    /// the truth, deg.
+    waiting: [Option<(Violation, f64)>; CHANNELS],
     /// By channel and kind of frame.
     heard: [[Heard; 2]; CHANNELS],
 }
@@ -57,6 +63,7 @@ impl Stale {
             latency_s,
             faulty: [false; CHANNELS],
             told: [false; CHANNELS],
+            waiting: Default::default(),
             heard: Default::default(),
         }
     }
@@ -71,18 +78,19 @@ impl Stale {
         self.faulty = [false; CHANNELS];
     }
 
-    /// A frame with its valid slopes; `ideal` gives the true ones, deg, for an instant.
+    /// A frame with its valid slopes; `ideal` gives the true ones, deg, for an instant. They may be
+    /// off by `within_deg`, which is `None` until the channel states it.
     pub fn see(
         &mut self,
         at_s: f64,
-        (channel, kind, within_deg): (usize, Kind, f64),
+        (channel, kind, within_deg): (usize, Kind, Option<f64>),
         deg: [Option<f64>; 2],
         ideal: impl Fn(f64) -> Option<[f64; 2]>,
     ) -> Option<Violation> {
         let wakes = self.wakes(at_s, channel, kind);
         let excused = self.faulty[channel] || self.reaction_s > LONGEST_S || !wakes;
         let strays = |axis: usize| {
-            let angle = (deg[axis]?, within_deg);
+            let angle = (deg[axis]?, within_deg.unwrap_or(LIMIT_DEG));
             let range = self.range(at_s, angle, |time_s| Some(ideal(time_s)?[axis]))?;
             Some((axis, deg[axis]?, range))
         };
@@ -90,7 +98,7 @@ impl Stale {
         let told = std::mem::replace(&mut self.told[channel], found.is_some());
         let (axis, deg, (low, high)) = found.filter(|_| !told)?;
         let name = ["X", "Y"][axis];
-        Some(Violation {
+        let violation = Violation {
             rule: Rule::StaleAngle,
             at_s,
             channel,
@@ -99,7 +107,19 @@ impl Stale {
                  last {} s",
                 self.reaction_s
             ),
-        })
+        };
+        if within_deg.is_none() {
+            self.waiting[channel] = Some((violation, (low - deg).max(deg - high)));
+            return None;
+        }
+        Some(violation)
+    }
+
+    /// The channel states within what its angle is right, `None` for nothing: what waited for that.
+    pub fn state(&mut self, channel: usize, within_deg: Option<f64>) -> Option<Violation> {
+        let (violation, off_deg) = self.waiting[channel].take()?;
+        let right = within_deg.is_some_and(|within_deg| off_deg <= within_deg);
+        (!right).then_some(violation)
     }
 
     /// True for a frame that comes out of a silence, or right behind such a one.

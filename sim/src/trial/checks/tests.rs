@@ -352,6 +352,33 @@ fn a_single_frame_of_before_a_silence_was_not_seen() {
 }
 
 #[test]
+fn the_first_angle_after_a_silence_was_held_to_a_limit_before_its_uncertainty_was_stated() {
+    let limits = Limits {
+        uncertainty_deg: Some(2.0),
+        ..Limits::PRODUCT
+    };
+    // Before the silence nothing was stated; the angle is 1 deg off.
+    for (stated_deg, is_broken) in [(None, true), (Some(0.3), true), (Some(0.4), false)] {
+        let mut trace = Trace::new(limits, level);
+        trace.run(0.2, [Some(0.0); 2], [1; 2]);
+        trace.now_s += 1.0;
+        trace.say(1, CARRIERS[0]([1.0, 0.0]));
+        assert_eq!(trace.broken(), []);
+        let state = State {
+            state: 1,
+            uncertainty_deg: stated_deg,
+        };
+        trace.say(1, Message::State(state));
+        let told = [(Rule::StaleAngle, 1)];
+        assert_eq!(
+            trace.broken(),
+            told[..usize::from(is_broken)],
+            "{stated_deg:?}"
+        );
+    }
+}
+
+#[test]
 fn after_a_silence_a_channel_that_is_faulty_itself_has_its_reaction_time() {
     for (is_faulty, broken) in [(true, 0), (false, 1)] {
         let mut trace = working();
