@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import gzip
 import json
 import os
@@ -76,6 +77,21 @@ def test_a_run_that_is_repeated_reads_nothing_and_changes_nothing(
     assert (outcome.read, outcome.skipped, outcome.logs) == (0, 12, 12)
     assert results(out) == before
     assert times == {path: path.stat().st_mtime_ns for path in times}
+
+
+def test_what_was_needed_to_read_logs_was_held_while_days_were_merged(
+    logs: pathlib.Path, tmp_path: pathlib.Path
+) -> None:
+    held: list[int] = []
+
+    def look(stage: str, *_: float) -> None:
+        if stage == "merging":
+            kinds = (filing.Entry, layout.Log)
+            held.append(sum(type(one) in kinds for one in gc.get_objects()))
+
+    gc.collect()
+    run(logs, tmp_path / "out", progress=look)
+    assert held and max(held) == 0
 
 
 def test_an_interrupted_run_is_gone_on_with(logs: pathlib.Path, tmp_path: pathlib.Path) -> None:

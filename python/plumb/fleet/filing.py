@@ -9,6 +9,7 @@ Left out: reading (`work`) and writing (`store`).
 from __future__ import annotations
 
 import datetime
+import sys
 from collections import defaultdict
 from dataclasses import dataclass, replace
 
@@ -61,7 +62,8 @@ def file(entries: list[Entry], strays: dict[str, str], key: str) -> tuple[list[L
         lines.append(_line(entry, key, day, *_verdict(entry, note)))
         if day is not None and read.blake3 is not None:
             first[read.blake3] = log
-            days[day][log.machine].append((read.blake3, log.name))
+            # Logs of many machines have the same name: it is held once.
+            days[day][log.machine].append((read.blake3, sys.intern(log.name)))
     for machines in days.values():
         for parts in machines.values():
             parts.sort()
@@ -95,11 +97,11 @@ def _day(log: Log, read: Read) -> tuple[str | None, str | None]:
     ends_ns = (read.first_ns, read.last_ns)
     own = [datetime.date(1970, 1, 1) + datetime.timedelta(ns // DAY_NS) for ns in ends_ns]
     if log.day is None:
-        return own[0].isoformat(), None
+        return sys.intern(own[0].isoformat()), None
     filed, near = datetime.date.fromisoformat(log.day), datetime.timedelta(1)
     if own[0] - near <= filed <= own[1] + near:
         return log.day, None
-    return own[0].isoformat(), (
+    return sys.intern(own[0].isoformat()), (
         f"its frames begin on {own[0]}, and its path has {log.day}: counted on {own[0]}"
     )
 

@@ -95,26 +95,63 @@ def run(
     except OSError as why:
         raise FleetError(f"{why.filename} can't be read: {why.strerror}") from None
     with owned(folder):
-        ledger = store.ledger()
-        todo, entries = _finished(found, ledger | store.journal(), store, how)
-        entries += _gone(found, ledger, store, how)
-        known, read = {entry.read.blake3 for entry in entries}, len(todo)
-        with schedulers.opened(scheduler, _workers(workers, todo)) as place:
-            entries += _read(place, todo, how, store, progress)
-            lines, days = filing.file(entries, found.strays, how.key)
-            if damaged := _damaged(days, known, store):
-                again, entries = _apart(entries, damaged)
-                entries += _read(place, again, how, store, progress)
-                lines, days = filing.file(entries, found.strays, how.key)
-                read += len(again)
-            _refuse_nothing(lines, days)
-            _merge(place, days, store, progress)
+        plan = _plan(found, store, how)
+        with schedulers.opened(scheduler, _workers(workers, plan.todo)) as place:
+            filed = _file(place, plan, how, store, progress)
+            # A line and its content are all that is held of a log while days are merged.
+            del plan
+            found.logs.clear()
+            _refuse_nothing(filed)
+            _merge(place, filed.days, store, progress)
         machines = store.machines() | found.machines
         store.write_machines(machines)
-        store.write_ledger(lines)
+        store.write_ledger(filed.lines)
         store.end_journal()
-        made = page.write(store, rules, lines)
-    return _outcome(made, lines, days, read, len(entries))
+        made = page.write(store, rules, filed.lines)
+    return _outcome(made, filed)
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What a run has to do."""
+
+    todo: list[layout.Log]
+    """Logs that have to be read."""
+    entries: list[filing.Entry]
+    """Those that are finished, and those that are gone."""
+    strays: dict[str, str]
+
+
+@dataclass(frozen=True)
+class Filed:
+    """What the logs have come to, and where it counts."""
+
+    lines: list[Line]
+    days: dict[str, dict[str, filing.Parts]]
+    read: int
+    """Logs that were read."""
+    entries: int
+    """Logs in all."""
+
+
+def _plan(found: layout.Found, store: Store, how: work.How) -> Plan:
+    ledger = store.ledger()
+    todo, entries = _finished(found, ledger | store.journal(), store, how)
+    return Plan(todo, entries + _gone(found, ledger, store, how), found.strays)
+
+
+def _file(place: Any, plan: Plan, how: work.How, store: Store, progress: Progress) -> Filed:
+    """Reads what has to be read, and files all; what was kept and is damaged is read again."""
+    entries, read = plan.entries, len(plan.todo)
+    known = {entry.read.blake3 for entry in entries}
+    entries = entries + _read(place, plan.todo, how, store, progress)
+    lines, days = filing.file(entries, plan.strays, how.key)
+    if damaged := _damaged(days, known, store):
+        again, entries = _apart(entries, damaged)
+        entries += _read(place, again, how, store, progress)
+        lines, days = filing.file(entries, plan.strays, how.key)
+        read += len(again)
+    return Filed(lines, days, read, len(entries))
 
 
 def _pairs(nodes: Iterable[int]) -> tuple[int, ...]:
@@ -233,10 +270,10 @@ def _read(
     return results
 
 
-def _refuse_nothing(lines: list[Line], days: dict) -> None:
-    if days:
+def _refuse_nothing(filed: Filed) -> None:
+    if filed.days:
         return
-    failed = [line.sentence for line in lines if line.status == "failed"]
+    failed = [line.sentence for line in filed.lines if line.status == "failed"]
     others = f", and {len(failed) - 1} more" if len(failed) > 1 else ""
     raise FleetError(f"no log could be counted: {failed[0]}{others}")
 
@@ -291,9 +328,9 @@ def _write_day(store: Store, day: str, counted: list[work.Counted], digest: str)
     write_table(store.partition("summaries", day), summaries, SUMMARIES, digest, UNPACKED)
 
 
-def _outcome(
-    made: page.Made, lines: list[Line], days: dict, read: int, entries: int
-) -> Outcome:
+def _outcome(made: page.Made, filed: Filed) -> Outcome:
+    lines = filed.lines
+
     def of(*statuses: str) -> dict[str, str]:
         wanted = [line for line in lines if line.status in statuses and line.sentence]
         return {line.log: line.sentence for line in wanted}
@@ -302,11 +339,11 @@ def _outcome(
     return Outcome(
         page=made.path,
         verdict=made.verdict,
-        machines=len({machine for machines in days.values() for machine in machines}),
+        machines=len({machine for machines in filed.days.values() for machine in machines}),
         logs=len(counted),
         frames=sum(line.frames for line in counted),
-        read=read,
-        skipped=entries - read,
+        read=filed.read,
+        skipped=filed.entries - filed.read,
         failed=of("failed"),
         incomplete=of("incomplete"),
         notes=of("counted", "duplicate", "stray"),

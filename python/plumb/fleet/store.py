@@ -22,6 +22,7 @@ import json
 import os
 import pathlib
 import shutil
+import sys
 import tempfile
 import zlib
 from collections.abc import Iterable, Iterator
@@ -52,6 +53,9 @@ LEDGER = pyarrow.schema(
 )
 """Columns of logs.parquet."""
 
+SHARED = ("machine", "day", "status", "path_day", "key")
+"""Those that many rows have the same of."""
+
 
 @dataclass(frozen=True, slots=True)
 class Line:
@@ -72,6 +76,7 @@ class Line:
     stamp: str | None = None
     """That of the file, where it stands for its content."""
     path_day: str | None = None
+
 
 MACHINES = pyarrow.schema([(name, pyarrow.string()) for name in ("machine", *ABOUT)])
 """Columns of machines.parquet."""
@@ -163,7 +168,7 @@ class Store:
         if not path.exists():
             return {}
         groups = _read_table(path).to_batches(max_chunksize=AT_ONCE)
-        return {row["log"]: Line(**row) for group in groups for row in group.to_pylist()}
+        return {row["log"]: _line(row) for group in groups for row in group.to_pylist()}
 
     def note(self, log: Log, result: Read, key: str) -> None:
         """Keeps in a journal which content a log has, so that an interrupted run is gone on with."""
@@ -242,6 +247,12 @@ class Store:
             )
             found += table.column("summary").to_pylist()
         return found
+
+
+def _line(row: dict[str, Any]) -> Line:
+    """A row as a line; what many lines share is held once."""
+    shared = {name: row[name] and sys.intern(row[name]) for name in SHARED}
+    return Line(**(row | shared))
 
 
 def _read_table(path: pathlib.Path) -> pyarrow.Table:
