@@ -17,6 +17,7 @@ from fleets import frames, put, results, text, tree
 import plumb
 from plumb import _plumb
 from plumb.fleet import FleetError, filing, layout, query, run, store, work
+from plumb.fleet.__main__ import main
 from plumb.fleet.progress import Bar, left
 
 
@@ -211,7 +212,7 @@ def test_a_log_counts_on_the_day_of_its_path_unless_its_frames_are_of_another(
 
     log = layout.Log("/l/m/x.log", "m", path_day, 1, "1", True)
     read = work.Read("0" * 64, True, 5, ns(first), ns(last))
-    [line], days = filing.file([filing.Entry(log, read)], {}, "key")
+    [line], days = filing.file([filing.Entry(log, read)], {}, {}, "key")
     assert line.day == day and (line.sentence is not None) == is_noted
     assert list(days) == ([] if day is None else [day])
 
@@ -275,6 +276,86 @@ def test_a_manifest_names_logs_and_machines(tmp_path: pathlib.Path) -> None:
         {"machine": "M 2", "model": "truck"},
         {"machine": "M/1", "model": "crane"},
     ]
+
+
+def test_a_path_that_a_manifest_lists_twice_was_called_a_copy_of_itself(
+    tmp_path: pathlib.Path,
+) -> None:
+    put(tmp_path / "logs/a.log", text("2026-11-20"))
+    put(tmp_path / "logs/b.log", text("2026-11-21"))
+    rows = [{"path": name, "machine": machine} for name, machine in
+            [("a.log", "m1"), ("b.log", "m1"), ("a.log", "m1"), ("b.log", "m2")]]
+    manifest, out = tmp_path / "m.parquet", tmp_path / "out"
+    pyarrow.parquet.write_table(pyarrow.Table.from_pylist(rows), manifest)
+    outcome = run(tmp_path / "logs", out, manifest=manifest)
+    said = "the manifest lists it twice: counted once"
+    assert list(outcome.notes.values()) == [said, f"{said}, for m1"]
+    assert (outcome.logs, outcome.read, outcome.machines) == (2, 2, 1)
+    assert [line["status"] for line in lines(out).values()] == ["counted", "counted"]
+    # The line of the copy hid that the log counts: once gone, it was lost.
+    (tmp_path / "logs/a.log").unlink()
+    pyarrow.parquet.write_table(pyarrow.Table.from_pylist(rows[1:2]), manifest)
+    assert run(tmp_path / "logs", out, manifest=manifest).frames == outcome.frames
+
+
+@pytest.mark.parametrize("name", ["machine", "path", "model"])
+@pytest.mark.parametrize("is_bytes", [True, False])
+def test_bytes_in_a_manifest_that_are_no_text_ended_in_a_traceback(
+    name: str, is_bytes: bool, tmp_path: pathlib.Path
+) -> None:
+    put(tmp_path / "logs/a.log", text("2026-11-20"))
+    row = {"path": b"a.log", "machine": b"m\xc3\xbc", "model": b"crane"}
+    kind = pyarrow.binary() if is_bytes else pyarrow.string()
+
+    def write(row: dict[str, bytes]) -> None:
+        columns = {key: pyarrow.array([value]).view(kind) for key, value in row.items()}
+        pyarrow.parquet.write_table(pyarrow.table(columns), tmp_path / "m.parquet")
+
+    write(row | {name: b"\xff\xfe"})
+    with pytest.raises(FleetError, match=f"has a {name} that is not UTF-8: write it as text$"):
+        run(tmp_path / "logs", tmp_path / "out", manifest=tmp_path / "m.parquet")
+    write(row)
+    run(tmp_path / "logs", tmp_path / "out", manifest=tmp_path / "m.parquet")
+    assert lines(tmp_path / "out")["logs/a.log"]["machine"] == "mü"
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        ".lock/x",
+        ".journal/x",
+        "logs.parquet/x",
+        "machines.parquet/x",
+        "report.html/x",
+        "report.json/x",
+        "figures/day=2026-11-20/rows.parquet/x",
+        "logs",
+        "figures",
+        "summaries",
+        "machines",
+        "figures/day=2026-11-20",
+        "summaries/day=2026-11-20",
+        "summaries/day=2026-11-01",
+        "logs/{key}",
+        "logs/{key}/{ab}",
+        "logs/{key}/{ab}/{blake3}/x",
+        "machines/m1",
+    ],
+)
+def test_a_file_or_folder_of_the_wrong_kind_in_the_results_ended_in_a_traceback(
+    name: str, tmp_path: pathlib.Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    put(tmp_path / "logs/m1/2026-11-20.log", text("2026-11-20", 1, "+1 s fault b stuck"))
+    assert run(tmp_path / "logs", tmp_path / "good").visits == ["m1"]
+    [line] = lines(tmp_path / "good").values()
+    blake3 = line["blake3"]
+    name = name.format(key=line["key"], ab=blake3[:2], blake3=blake3)
+    wrong = put(tmp_path / "out" / name, "a person's own")
+    assert main([str(tmp_path / "logs"), str(tmp_path / "out")]) == 2
+    said = capsys.readouterr().err.splitlines()
+    place = wrong.parent if name.endswith("/x") else wrong
+    assert len(said) == 1 and str(place) in said[0], said
+    assert wrong.read_text() == "a person's own"
 
 
 def test_a_log_is_hashed_whole_however_much_of_it_is_read(tmp_path: pathlib.Path) -> None:

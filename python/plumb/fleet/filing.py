@@ -41,7 +41,9 @@ def left_over(line: Line, read: Read) -> Entry:
     return Entry(log, read, gone=True)
 
 
-def file(entries: list[Entry], strays: dict[str, str], key: str) -> tuple[list[Line], dict]:
+def file(
+    entries: list[Entry], strays: dict[str, str], notes: dict[str, str], key: str
+) -> tuple[list[Line], dict]:
     """A line for each log, and `{day: {machine: parts}}`.
 
     A content counts once: for the first log in the order of their URLs, those that are there before
@@ -59,7 +61,10 @@ def file(entries: list[Entry], strays: dict[str, str], key: str) -> tuple[list[L
                 lines.append(_line(entry, key, None, "duplicate", sentence))
             continue
         day, note = _day(log, read)
-        lines.append(_line(entry, key, day, *_verdict(entry, note)))
+        status, sentence = _verdict(entry, note)
+        if day is not None and log.url in notes:
+            sentence = _joined(sentence, notes[log.url])
+        lines.append(_line(entry, key, day, status, sentence))
         if day is not None and read.blake3 is not None:
             first[read.blake3] = log
             # Logs of many machines have the same name: it is held once.
@@ -77,10 +82,14 @@ def _verdict(entry: Entry, note: str | None) -> tuple[str, str | None]:
         return "failed", read.error.replace(HERE, url)
     if read.incomplete is not None:
         sentence = read.incomplete.replace(HERE, url)
-        return "incomplete", sentence if note is None else f"{sentence}; {note}"
+        return "incomplete", sentence if note is None else _joined(sentence, note)
     if note is not None and note.startswith("has no date"):
         return "failed", note
     return "counted", note
+
+
+def _joined(sentence: str | None, note: str) -> str:
+    return note if sentence is None else f"{sentence}; {note}"
 
 
 def _day(log: Log, read: Read) -> tuple[str | None, str | None]:

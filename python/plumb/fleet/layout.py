@@ -62,6 +62,8 @@ class Found:
     logs: list[Log] = field(default_factory=list)
     strays: dict[str, str] = field(default_factory=dict)
     """Files of no machine, each with a sentence."""
+    notes: dict[str, str] = field(default_factory=dict)
+    """Logs of which something is to be said although they count."""
     machines: dict[str, dict[str, Any]] = field(default_factory=dict)
     """What a manifest has on each machine."""
 
@@ -163,10 +165,21 @@ def read_manifest(manifest: str | os.PathLike[str], logs: str | os.PathLike[str]
             raise FleetError(f"{manifest} has a row without path or machine: fill it in")
         _tell_about(found, str(machine), row, os.fspath(manifest))
         _enter(found, system, root, row)
-    found.logs.sort(key=lambda log: log.url)
+    _once(found)
     if not found.logs and not found.strays:
         raise FleetError(f"{manifest} lists no log: give one with a row for each")
     return found
+
+
+def _once(found: Found) -> None:
+    """Each log once, in the order of their URLs; of rows of the same path the first one counts."""
+    logs: dict[str, Log] = {}
+    for log in found.logs:
+        first = logs.setdefault(log.url, log)
+        if first is not log:
+            whose = "" if log.machine == first.machine else f", for {first.machine}"
+            found.notes.setdefault(log.url, f"the manifest lists it twice: counted once{whose}")
+    found.logs = sorted(logs.values(), key=lambda log: log.url)
 
 
 def _table(manifest: str) -> pyarrow.Table:
@@ -181,6 +194,27 @@ def _table(manifest: str) -> pyarrow.Table:
             f"{manifest} has no column {' and no column '.join(missing)}: a manifest needs "
             f"{' and '.join(NEEDED)}, and may have day, {', '.join(ABOUT)}"
         )
+    return _in_text(table, manifest)
+
+
+def _in_text(table: pyarrow.Table, manifest: str) -> pyarrow.Table:
+    """The same with bytes as the text that they are.
+
+    Errors: `FleetError` where they are none.
+    """
+    for number, name in enumerate(table.column_names):
+        if name not in (*NEEDED, "day", *ABOUT):
+            continue
+        try:
+            column = table.column(number)
+            if column.type in (pyarrow.binary(), pyarrow.large_binary()):
+                column = column.cast(pyarrow.large_string())
+                table = table.set_column(number, name, column)
+            column.validate(full=True)
+        except pyarrow.ArrowException:
+            raise FleetError(
+                f"{manifest} has a {name} that is not UTF-8: write it as text"
+            ) from None
     return table
 
 

@@ -21,7 +21,7 @@ from ..logs import NODES
 from . import filing, layout, page, schedulers, work
 from .errors import FleetError
 from .figures import SCHEMA
-from .store import SUMMARIES, Line, Store, owned, write_table
+from .store import SUMMARIES, Line, Store, owned, refuse_other_kinds, write_table
 from .visits import Rules
 
 Progress = Callable[[str, int, int, float, float], None]
@@ -61,7 +61,7 @@ class Outcome:
     incomplete: dict[str, str]
     """Logs of which a part could not be read; the rest counts."""
     notes: dict[str, str]
-    """Logs that are duplicates, of another day than their path, or of no machine."""
+    """Logs that are duplicates, of another day than their path, of no machine, or listed twice."""
     visits: list[str]
     """Machines that need a visit, the most urgent first."""
 
@@ -90,6 +90,7 @@ def run(
     folder = pathlib.Path(out)
     how = work.How(_pairs(nodes), tuple(os.path.abspath(sheet) for sheet in eds))
     found = _found(logs, pattern, manifest, folder)
+    refuse_other_kinds(folder)
     try:
         store = Store(folder, how.key)
     except OSError as why:
@@ -120,6 +121,9 @@ class Plan:
     entries: list[filing.Entry]
     """Those that are finished, and those that are gone."""
     strays: dict[str, str]
+    """Files of no machine, each with a sentence."""
+    notes: dict[str, str]
+    """Logs that count, and of which something is to be said."""
 
 
 @dataclass(frozen=True)
@@ -137,7 +141,7 @@ class Filed:
 def _plan(found: layout.Found, store: Store, how: work.How) -> Plan:
     ledger = store.ledger()
     todo, entries = _finished(found, ledger | store.journal(), store, how)
-    return Plan(todo, entries + _gone(found, ledger, store, how), found.strays)
+    return Plan(todo, entries + _gone(found, ledger, store, how), found.strays, found.notes)
 
 
 def _file(place: Any, plan: Plan, how: work.How, store: Store, progress: Progress) -> Filed:
@@ -145,11 +149,11 @@ def _file(place: Any, plan: Plan, how: work.How, store: Store, progress: Progres
     entries, read = plan.entries, len(plan.todo)
     known = {entry.read.blake3 for entry in entries}
     entries = entries + _read(place, plan.todo, how, store, progress)
-    lines, days = filing.file(entries, plan.strays, how.key)
+    lines, days = filing.file(entries, plan.strays, plan.notes, how.key)
     if damaged := _damaged(days, known, store):
         again, entries = _apart(entries, damaged)
         entries += _read(place, again, how, store, progress)
-        lines, days = filing.file(entries, plan.strays, how.key)
+        lines, days = filing.file(entries, plan.strays, plan.notes, how.key)
         read += len(again)
     return Filed(lines, days, read, len(entries))
 

@@ -88,6 +88,12 @@ SUMMARIES = pyarrow.schema(
 
 JOURNAL = ".journal"
 
+FILES = (".lock", JOURNAL, "logs.parquet", "machines.parquet", "report.html", "report.json")
+"""Files of the folder."""
+
+FOLDERS = ("logs", "figures", "summaries", "machines")
+"""Folders in it."""
+
 FORMAT = "2"
 """Version of the tables. A folder of another one is refused."""
 
@@ -247,6 +253,23 @@ class Store:
             )
             found += table.column("summary").to_pylist()
         return found
+
+
+def refuse_other_kinds(folder: pathlib.Path) -> None:
+    """Refuses a folder in which a folder stands where a file has its place, or a file for a folder.
+
+    Errors: `FleetError`; nothing was changed.
+    """
+    days = [day for kind in ("figures", "summaries") for day in (folder / kind).glob("day=*")]
+    files = [folder / name for name in FILES] + [day / "rows.parquet" for day in days]
+    folders = [folder / name for name in FOLDERS] + days
+    folders += (folder / "logs").glob("*")
+    for path in files:
+        if path.is_dir():
+            raise FleetError(f"{path} is a folder, and a file has its place there: move it away")
+    for path in folders:
+        if path.exists() and not path.is_dir():
+            raise FleetError(f"{path} is a file, and a folder has its place there: move it away")
 
 
 def _line(row: dict[str, Any]) -> Line:
