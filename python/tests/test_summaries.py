@@ -6,6 +6,7 @@ import itertools
 import json
 import pathlib
 import random
+import re
 
 import pytest
 from conftest import candump, run, sentence, shift
@@ -203,3 +204,30 @@ def test_a_number_that_is_no_node_id_is_told_in_a_sentence(node: int, log: pathl
     for count in (plumb.decode, plumb.summarise):
         with pytest.raises(plumb.Error, match=f"^{node} is no node-id: give 1 to 127$"):
             count(log, nodes=[1, node])
+
+
+@pytest.mark.parametrize("name", ["frames", "overlapping", "count", "covered_ns", "syncs", "sum"])
+def test_merging_counters_near_the_greatest_number_was_a_panic(
+    name: str, summaries: list[bytes], tmp_path: pathlib.Path
+) -> None:
+    greatest = (1 << 127 if name == "sum" else 1 << 64) - 1
+    forged = re.sub(rb'"%s":-?\d+' % name.encode(), b'"%s":%d' % (name.encode(), greatest), summaries[0])
+    assert forged != summaries[0]
+    merged = plumb.merge([forged, forged, summaries[1]])
+    assert plumb.merge([summaries[1], plumb.merge([forged, forged])]) == merged
+    plumb.report(merged, tmp_path / "report")
+
+
+@pytest.mark.parametrize(
+    ("text", "wanted"),
+    [
+        (rb'"level":\d+', b"bins are wider or more than they can be"),
+        (rb'"step_mdeg":\d+', b"a histogram has a step that there is not"),
+    ],
+)
+def test_a_summary_with_numbers_that_there_are_not_is_told_in_a_sentence(
+    text: bytes, wanted: bytes, summaries: list[bytes]
+) -> None:
+    forged = re.sub(text, text.partition(b":")[0] + b":99", summaries[0])
+    with pytest.raises(plumb.Error, match=wanted.decode()):
+        plumb.merge([forged, summaries[1]])

@@ -94,11 +94,11 @@ impl Checks {
     pub fn merge(&mut self, other: &Self) {
         for (own, other) in self.0.iter_mut().zip(&other.0) {
             own.first_ns = match (own.count, other.count) {
-                (_, 0) => own.first_ns,
-                (0, _) => other.first_ns,
+                (1.., 0) => own.first_ns,
+                (0, 1..) => other.first_ns,
                 _ => own.first_ns.min(other.first_ns),
             };
-            own.count += other.count;
+            own.count = own.count.saturating_add(other.count);
         }
     }
 

@@ -144,7 +144,7 @@ fn bus(
             .iter()
             .flat_map(|one| &one.channels)
             .map(|c| c.malformed)
-            .sum(),
+            .fold(0, u64::saturating_add),
         extended: counts.extended,
         remote: counts.remote,
         commands: counts.nmt,
@@ -482,7 +482,7 @@ fn event(event: &Event, ids: [u8; 2]) -> EventReport {
         end: end.to_owned(),
         duration_s: until_ns.map(|ns| seconds(ns.saturating_sub(event.at_ns))),
         repeats: event.repeats,
-        plot: event.plot.map(|plot| plot + 1),
+        plot: event.plot.map(|plot| plot.saturating_add(1)),
     }
 }
 
@@ -506,7 +506,7 @@ fn plots(recorder: &Recorder, clock: Clock) -> Vec<PlotReport> {
 fn plot_row(row: &Round, capture: &Capture) -> PlotRow {
     let angle = |side, axis| row.angle(side, axis).map(degrees);
     PlotRow {
-        since_s: rounded((row.time_ns as i64 - capture.at_ns as i64) as f64 * 1e-9),
+        since_s: rounded(row.time_ns.wrapping_sub(capture.at_ns) as i64 as f64 * 1e-9),
         a_x_deg: angle(0, 0),
         a_y_deg: angle(0, 1),
         b_x_deg: angle(1, 0),

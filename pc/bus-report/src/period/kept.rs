@@ -96,18 +96,30 @@ impl Kept {
     ) -> Result<(Self, Option<LogError>), PeriodError> {
         let part = PartOptions::default().part()?;
         let (collected, logs) = collect(source, plan, part)?;
-        let mut kept = Self {
-            format: FORMAT.to_owned(),
-            version: VERSION,
-            logs: LogsReport::default(),
-            buses: BTreeMap::new(),
-        };
+        let mut kept = Self::of_nothing();
         merge_logs(&mut kept.logs, &without_folders(&logs.report));
         for (interface, mut bus) in collected {
             bus.drop_empty();
             kept.merge_bus(&interface, &bus);
         }
         Ok((kept, logs.incomplete))
+    }
+
+    fn of_nothing() -> Self {
+        Self {
+            format: FORMAT.to_owned(),
+            version: VERSION,
+            logs: LogsReport::default(),
+            buses: BTreeMap::new(),
+        }
+    }
+
+    /// The summary of a bus without its logs.
+    #[cfg(test)]
+    pub(super) fn of_bus(interface: &str, bus: Collected) -> Self {
+        let mut kept = Self::of_nothing();
+        kept.merge_bus(interface, &bus);
+        kept
     }
 
     /// Reads the bytes of a summary.
@@ -196,7 +208,7 @@ impl Kept {
         serde_json::to_vec(&self.concluded(bit_rate)).map_err(PeriodError::Json)
     }
 
-    fn concluded(self, bit_rate: Option<f64>) -> PeriodReport {
+    pub(super) fn concluded(self, bit_rate: Option<f64>) -> PeriodReport {
         let buses: Vec<_> = self.buses.into_iter().collect();
         let mut report = build::report(&buses, Some(self.logs), bit_rate);
         build::conclude(&mut report);
@@ -236,8 +248,10 @@ fn without_folders(logs: &LogsReport) -> LogsReport {
 
 /// Takes what was read and skipped in other logs; every list is in the order of its texts.
 fn merge_logs(own: &mut LogsReport, other: &LogsReport) {
-    own.frames += other.frames;
-    own.overlapping += other.overlapping;
+    // Counters of a forged summary may have any size. Saturating addition of numbers without a
+    // sign is the same in every order and grouping, as merging has to be.
+    own.frames = own.frames.saturating_add(other.frames);
+    own.overlapping = own.overlapping.saturating_add(other.overlapping);
     for (own, other) in [
         (&mut own.files, &other.files),
         (&mut own.damaged, &other.damaged),
@@ -251,7 +265,7 @@ fn merge_logs(own: &mut LogsReport, other: &LogsReport) {
         match own.skipped.iter_mut().find(|one| one.reason == kind.reason) {
             Some(one) => {
                 let first = (&kind.file, kind.first_line) < (&one.file, one.first_line);
-                let count = one.count + kind.count;
+                let count = one.count.saturating_add(kind.count);
                 if first {
                     *one = kind.clone();
                 }

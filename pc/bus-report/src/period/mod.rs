@@ -22,6 +22,8 @@ mod verdict;
 #[cfg(test)]
 mod bench;
 #[cfg(test)]
+mod forged_tests;
+#[cfg(test)]
 mod tests;
 
 use std::path::PathBuf;

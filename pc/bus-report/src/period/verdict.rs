@@ -12,7 +12,7 @@ pub fn of(report: &PeriodReport) -> (String, bool) {
         return without_instrument(report);
     }
     let all = &report.instruments;
-    let incidents: u64 = all.iter().map(incidents_of).sum();
+    let incidents: u64 = all.iter().map(incidents_of).fold(0, u64::saturating_add);
     let covered = amount(report);
     let share = usable_share(all).map_or(String::new(), |share| {
         format!(" The angles could be used {share} of the time with data.")
@@ -95,7 +95,8 @@ fn is_open_fault(event: &EventReport) -> bool {
 
 /// Incidents of an instrument.
 pub fn incidents_of(instrument: &InstrumentReport) -> u64 {
-    instrument.days.iter().map(|day| day.incidents).sum()
+    let days = instrument.days.iter().map(|day| day.incidents);
+    days.fold(0, u64::saturating_add)
 }
 
 fn usable_share(all: &[InstrumentReport]) -> Option<String> {
@@ -139,7 +140,10 @@ pub fn notes(report: &PeriodReport) -> Vec<String> {
          24 hours since then."
             .to_owned(),
     );
-    let sum = |of: fn(&BusReport) -> u64| report.buses.iter().map(of).sum::<u64>();
+    let sum = |of: fn(&BusReport) -> u64| {
+        let buses = report.buses.iter().map(of);
+        buses.fold(0, u64::saturating_add)
+    };
     let (backwards, malformed) = (sum(|bus| bus.backwards), sum(|bus| bus.malformed));
     let outside = sum(|bus| bus.outside);
     let undated = sum(|bus| bus.undated);

@@ -13,6 +13,9 @@ pub const MOST: usize = 400;
 /// Width of the shortest bin, ns.
 const SHORTEST_NS: u64 = 1_000_000_000;
 
+/// The level at which no more than [`MOST`] bins are left of all times that there are.
+const WIDEST: u32 = 26;
+
 /// What a bin holds: something that can be joined.
 pub trait Join {
     /// Takes what another one has.
@@ -49,17 +52,41 @@ impl Join for Extremes {
 impl Join for u64 {
     #[inline]
     fn join(&mut self, other: &Self) {
-        *self += other;
+        *self = self.saturating_add(*other);
     }
 }
 
 /// Bins over time.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(try_from = "Form<T>", bound(deserialize = "T: Deserialize<'de>"))]
 pub struct Bins<T> {
     /// The width is the shortest one times two to the power of this.
     level: u32,
     /// Number of the bin, counted from time 0, and what it holds; in order of time.
     bins: Vec<(u64, T)>,
+}
+
+/// Bins as they are read, of which nothing is known yet.
+#[derive(Deserialize)]
+struct Form<T> {
+    level: u32,
+    bins: Vec<(u64, T)>,
+}
+
+impl<T> TryFrom<Form<T>> for Bins<T> {
+    type Error = &'static str;
+
+    fn try_from(Form { level, bins }: Form<T>) -> Result<Self, Self::Error> {
+        let last = (u64::MAX / SHORTEST_NS).checked_shr(level).unwrap_or(0);
+        let is_in_order = bins.windows(2).all(|two| two[0].0 < two[1].0);
+        if level > WIDEST || bins.len() > MOST {
+            return Err("bins are wider or more than they can be");
+        }
+        if !is_in_order || bins.iter().any(|(number, _)| *number > last) {
+            return Err("bins are out of order, or of no time");
+        }
+        Ok(Self { level, bins })
+    }
 }
 
 impl<T> Default for Bins<T> {

@@ -93,7 +93,9 @@ impl Recorder {
         let place = |capture: &Capture| all.iter().position(|one| one == capture);
         let kept = |capture: &Capture| place(capture).filter(|place| *place < MOST);
         let places = [&self.captures, &other.captures].map(|own| own.iter().map(kept).collect());
-        self.left_out += other.left_out + all.len().saturating_sub(MOST) as u64;
+        let lost = all.len().saturating_sub(MOST) as u64;
+        let left_out = self.left_out.saturating_add(other.left_out);
+        self.left_out = left_out.saturating_add(lost);
         all.truncate(MOST);
         self.captures = all;
         places

@@ -236,8 +236,8 @@ impl Collected {
         self.strangers.extend(&other.strangers);
         self.strangers.sort_unstable();
         self.strangers.dedup();
-        self.outside += other.outside;
-        self.undated += other.undated;
+        self.outside = self.outside.saturating_add(other.outside);
+        self.undated = self.undated.saturating_add(other.undated);
     }
 }
 

@@ -26,19 +26,36 @@ pub struct Day {
 
 impl Day {
     fn merge(&mut self, other: &Self) {
-        self.covered_ns += other.covered_ns;
-        self.syncs += other.syncs;
+        self.covered_ns = self.covered_ns.saturating_add(other.covered_ns);
+        self.syncs = self.syncs.saturating_add(other.syncs);
         for (own, other) in self.events.iter_mut().zip(other.events) {
-            *own += other;
+            *own = own.saturating_add(other);
         }
-        self.incidents += other.incidents;
+        self.incidents = self.incidents.saturating_add(other.incidents);
         self.largest_mdeg = self.largest_mdeg.max(other.largest_mdeg);
     }
 }
 
 /// The days with data, in order of time.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(try_from = "Vec<(u64, Day)>")]
 pub struct Days(Vec<(u64, Day)>);
+
+impl TryFrom<Vec<(u64, Day)>> for Days {
+    type Error = &'static str;
+
+    fn try_from(days: Vec<(u64, Day)>) -> Result<Self, Self::Error> {
+        let is_in_order = days.windows(2).all(|two| two[0].0 < two[1].0);
+        if !is_in_order
+            || days
+                .last()
+                .is_some_and(|(last, _)| *last > u64::MAX / DAY_NS)
+        {
+            return Err("days are out of order, or of no time");
+        }
+        Ok(Self(days))
+    }
+}
 
 impl Days {
     /// The day of this time.

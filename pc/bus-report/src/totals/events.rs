@@ -221,7 +221,7 @@ impl Events {
             .iter_mut()
             .zip(other.left_out.iter().zip(lost))
         {
-            *place += other + lost as u64;
+            *place = place.saturating_add(*other).saturating_add(lost as u64);
         }
         faults.truncate(MOST_FAULTS);
         rest.truncate(MOST_OTHERS);

@@ -55,8 +55,8 @@ impl Gaps {
 
     /// Takes the gaps of another list.
     pub fn merge(&mut self, other: &Self) {
-        self.count += other.count;
-        self.sum_ns += other.sum_ns;
+        self.count = self.count.saturating_add(other.count);
+        self.sum_ns = self.sum_ns.saturating_add(other.sum_ns);
         other.longest.iter().for_each(|gap| self.keep(*gap));
     }
 

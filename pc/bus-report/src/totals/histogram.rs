@@ -12,18 +12,53 @@ use serde::{Deserialize, Serialize};
 /// Steps that are kept.
 pub const MOST: usize = 4096;
 
+/// Steps that there are, each ten times the one before: with the last all values have room.
+const STEPS: usize = 8;
+
 /// Half of 0.01 deg, the resolution as delivered: a step of 0.01 deg or more begins that much
 /// below its first value, so that no value of that resolution lies on an edge.
 const BEFORE: i64 = 5;
 
 /// Counts by value.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(try_from = "Form")]
 pub struct Histogram {
     /// The step, a power of ten, 0.001 deg.
     step_mdeg: i64,
     /// Number of the first step.
     first: i64,
     counts: Vec<u64>,
+}
+
+/// A histogram as it is read, of which nothing is known yet.
+#[derive(Deserialize)]
+struct Form {
+    step_mdeg: i64,
+    first: i64,
+    counts: Vec<u64>,
+}
+
+impl TryFrom<Form> for Histogram {
+    type Error = &'static str;
+
+    fn try_from(form: Form) -> Result<Self, Self::Error> {
+        let read = Self {
+            step_mdeg: form.step_mdeg,
+            first: form.first,
+            counts: form.counts,
+        };
+        let steps = std::iter::successors(Some(1), |step| Some(step * 10));
+        if !steps.take(STEPS).any(|step| step == read.step_mdeg) {
+            return Err("a histogram has a step that there is not");
+        }
+        let (least, most) = (read.index_of(i32::MIN), read.index_of(i32::MAX));
+        let length = read.counts.len();
+        let is_within = length <= MOST && (least..=most).contains(&read.first);
+        if !is_within || length as i64 > most - read.first + 1 {
+            return Err("a histogram reaches beyond the values that there are");
+        }
+        Ok(read)
+    }
 }
 
 impl Default for Histogram {
@@ -44,7 +79,7 @@ impl Histogram {
 
     /// Values taken.
     pub fn total(&self) -> u64 {
-        self.counts.iter().sum()
+        self.counts.iter().copied().fold(0, u64::saturating_add)
     }
 
     /// Takes a value.
@@ -104,7 +139,8 @@ impl Histogram {
             let index = index.div_euclid(10);
             // Joined steps are no more than they were.
             if count > 0 && self.make_room(index) {
-                self.counts[(index - self.first) as usize] += count;
+                let own = &mut self.counts[(index - self.first) as usize];
+                *own = own.saturating_add(count);
             }
         }
     }
@@ -122,7 +158,7 @@ impl Histogram {
             if self.make_room(other.first) && self.make_room(other.first + last as i64) {
                 let from = (other.first - self.first) as usize;
                 for (to, count) in self.counts.iter_mut().skip(from).zip(&other.counts) {
-                    *to += count;
+                    *to = to.saturating_add(*count);
                 }
                 return;
             }
@@ -143,7 +179,7 @@ impl Histogram {
         let wanted = (share * self.total() as f64).ceil().max(1.0) as u64;
         let mut seen = 0;
         for (index, count) in (self.first..).zip(&self.counts) {
-            seen += count;
+            seen = u64::saturating_add(seen, *count);
             if seen >= wanted {
                 return Some(self.middle(index));
             }
@@ -166,7 +202,7 @@ impl Histogram {
                 bars.push((bar * width - BEFORE + width / 2, width, 0));
             }
             if let Some(bar) = bars.get_mut(place) {
-                bar.2 += count;
+                bar.2 = bar.2.saturating_add(*count);
             }
         }
         bars

@@ -61,13 +61,13 @@ impl MotionSummary {
 
     /// Takes all that another one has.
     pub fn merge(&mut self, other: &Self) {
-        self.angles += other.angles;
+        self.angles = self.angles.saturating_add(other.angles);
         for (own, other) in self.slope.iter_mut().zip(&other.slope) {
             own.merge(other);
         }
         self.uncertainty.merge(&other.uncertainty);
         self.uncertainty_bins.merge(&other.uncertainty_bins);
-        self.rates += other.rates;
+        self.rates = self.rates.saturating_add(other.rates);
         for (own, other) in self.rate.iter_mut().zip(&other.rate) {
             own.merge(other);
         }

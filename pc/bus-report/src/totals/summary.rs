@@ -84,9 +84,9 @@ pub struct ChannelSummary {
 
 impl ChannelSummary {
     fn merge(&mut self, other: &Self) {
-        self.readings += other.readings;
+        self.readings = self.readings.saturating_add(other.readings);
         for (own, other) in self.states.iter_mut().zip(other.states) {
-            *own += other;
+            *own = own.saturating_add(other);
         }
         for (own, other) in self.slope.iter_mut().zip(&other.slope) {
             own.merge(other);
@@ -94,11 +94,13 @@ impl ChannelSummary {
         for (own, other) in self.slope_bins.iter_mut().zip(&other.slope_bins) {
             own.merge(other);
         }
-        self.usable_ns += other.usable_ns;
+        self.usable_ns = self.usable_ns.saturating_add(other.usable_ns);
         add_all(&mut self.unusable_ns, &other.unusable_ns);
         self.uncertainty.merge(&other.uncertainty);
         self.uncertainty_bins.merge(&other.uncertainty_bins);
-        self.uncertainty_unknown += other.uncertainty_unknown;
+        self.uncertainty_unknown = self
+            .uncertainty_unknown
+            .saturating_add(other.uncertainty_unknown);
         self.temperature.merge(&other.temperature);
         self.temperature_bins.merge(&other.temperature_bins);
         self.activity.merge(&other.activity);
@@ -107,10 +109,12 @@ impl ChannelSummary {
             self.motion.get_or_insert_default().merge(other);
         }
         add_all(&mut self.emergencies, &other.emergencies);
-        self.boots += other.boots;
-        self.heartbeat_losses += other.heartbeat_losses;
-        self.heartbeat_lost_ns += other.heartbeat_lost_ns;
-        self.malformed += other.malformed;
+        self.boots = self.boots.saturating_add(other.boots);
+        self.heartbeat_losses = self.heartbeat_losses.saturating_add(other.heartbeat_losses);
+        self.heartbeat_lost_ns = self
+            .heartbeat_lost_ns
+            .saturating_add(other.heartbeat_lost_ns);
+        self.malformed = self.malformed.saturating_add(other.malformed);
         self.faults |= other.faults;
         self.checks.merge(&other.checks);
     }
@@ -127,7 +131,8 @@ impl ChannelSummary {
 
 fn add_all<K: Ord + Copy>(own: &mut BTreeMap<K, u64>, other: &BTreeMap<K, u64>) {
     for (key, count) in other {
-        *own.entry(*key).or_default() += count;
+        let own = own.entry(*key).or_default();
+        *own = own.saturating_add(*count);
     }
 }
 
@@ -157,11 +162,11 @@ impl DifferenceSummary {
         for (own, other) in self.own.iter_mut().zip(&other.own) {
             own.merge(other);
         }
-        self.by_measured += other.by_measured;
-        self.by_slopes += other.by_slopes;
+        self.by_measured = self.by_measured.saturating_add(other.by_measured);
+        self.by_slopes = self.by_slopes.saturating_add(other.by_slopes);
         self.bins.merge(&other.bins);
-        self.judged += other.judged;
-        self.above += other.above;
+        self.judged = self.judged.saturating_add(other.judged);
+        self.above = self.above.saturating_add(other.above);
         self.told.merge(&other.told);
         self.told_off.merge(&other.told_off);
     }
@@ -200,7 +205,8 @@ impl Summary {
 
     /// Time of which there is data, ns.
     pub fn covered_ns(&self) -> u64 {
-        self.days.iter().map(|(_, day)| day.covered_ns).sum()
+        let days = self.days.iter().map(|(_, day)| day.covered_ns);
+        days.fold(0, u64::saturating_add)
     }
 }
 

@@ -6,7 +6,8 @@
 //! Left out: when a value came (`bins`).
 
 use super::histogram::Histogram;
-use serde::{Deserialize, Serialize};
+use serde::de::Error;
+use serde::{Deserialize, Deserializer, Serialize};
 
 /// Values so far.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -14,6 +15,7 @@ pub struct Tally {
     count: u64,
     sum: i128,
     squares: u128,
+    #[serde(deserialize_with = "in_order")]
     extremes: Option<(i32, i32)>,
     /// How often each value came.
     pub histogram: Histogram,
@@ -34,9 +36,11 @@ impl Tally {
 
     /// Takes all values of another one.
     pub fn merge(&mut self, other: &Self) {
-        self.count += other.count;
-        self.sum += other.sum;
-        self.squares += other.squares;
+        self.count = self.count.saturating_add(other.count);
+        // A sum that saturates would depend on the order where signs differ; one that wraps does
+        // not. Sums of values wrap only beyond 2^96 of them; a forged one may have any size.
+        self.sum = self.sum.wrapping_add(other.sum);
+        self.squares = self.squares.saturating_add(other.squares);
         if let Some((least, most)) = other.extremes {
             let own = self.extremes.unwrap_or((least, most));
             self.extremes = Some((own.0.min(least), own.1.max(most)));
@@ -70,10 +74,27 @@ impl Tally {
         if count < 2 {
             return None;
         }
-        // Exact in whole numbers, where a difference of two large floats would not be.
-        let about = count * self.squares as i128 - self.sum * self.sum;
-        let variance = about as f64 / (count as f64 * (count - 1) as f64);
+        // Exact in whole numbers, where a difference of two large floats would not be; floats are
+        // for sums that no log comes to.
+        let squares = i128::try_from(self.squares).ok();
+        let products = squares.and_then(|squares| count.checked_mul(squares));
+        let about = products.zip(self.sum.checked_mul(self.sum));
+        let about = about.and_then(|(products, square)| products.checked_sub(square));
+        let roughly = || count as f64 * self.squares as f64 - (self.sum as f64).powi(2);
+        let about = about.map_or_else(roughly, |about| about as f64);
+        let variance = about / (count as f64 * (count - 1) as f64);
         Some(variance.max(0.0).sqrt())
+    }
+}
+
+/// The least and the greatest value, as they are read.
+fn in_order<'de, D: Deserializer<'de>>(from: D) -> Result<Option<(i32, i32)>, D::Error> {
+    let extremes = Option::<(i32, i32)>::deserialize(from)?;
+    match extremes {
+        Some((least, most)) if least > most => {
+            Err(D::Error::custom("a least value is above the greatest"))
+        }
+        _ => Ok(extremes),
     }
 }
 

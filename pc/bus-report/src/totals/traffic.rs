@@ -38,7 +38,7 @@ impl Span {
     };
 
     fn merge(&mut self, other: &Self) {
-        self.count += other.count;
+        self.count = self.count.saturating_add(other.count);
         self.first_ns = self.first_ns.min(other.first_ns);
         self.last_ns = self.last_ns.max(other.last_ns);
     }
@@ -174,14 +174,14 @@ impl Traffic {
     /// Takes what was on the bus in another log. Time between the two is in no gap.
     pub fn merge(&mut self, other: &Self) {
         self.bits.merge(&other.bits);
-        self.covered_ns += other.covered_ns;
+        self.covered_ns = self.covered_ns.saturating_add(other.covered_ns);
         self.gaps.merge(&other.gaps);
         self.covered.merge(&other.covered);
-        self.total_bits += other.total_bits;
+        self.total_bits = self.total_bits.saturating_add(other.total_bits);
         self.undated.merge(&other.undated);
         self.dated.merge(&other.dated);
         for (own, other) in self.frames.iter_mut().zip(other.frames.iter()) {
-            *own += other;
+            *own = own.saturating_add(*other);
         }
         self.has_bits &= other.has_bits;
     }
@@ -192,7 +192,8 @@ impl Traffic {
         for (cob_id, count) in (0_u16..).zip(self.frames.iter()) {
             // From TPDO 1 to the SDOs, EMCY and error control.
             if matches!(cob_id, 0x081..=0x0FF | 0x181..=0x67F | 0x701..=0x77F) {
-                nodes[usize::from(cob_id & 0x7F)] += count;
+                let frames: &mut u64 = &mut nodes[usize::from(cob_id & 0x7F)];
+                *frames = frames.saturating_add(*count);
             }
         }
         let all = (0..).zip(nodes);
