@@ -142,8 +142,12 @@ fn what_happened(report: &PeriodReport, instrument: &InstrumentReport) -> String
     }
     if instrument.plots_left_out > 0 {
         let text = format!(
-            "{} more events have no plot here.",
-            instrument.plots_left_out
+            "{} no plot here.",
+            verdict::plural(
+                instrument.plots_left_out,
+                "more event has",
+                "more events have"
+            )
         );
         out += &html::paragraph(&text);
     }

@@ -5,7 +5,7 @@
 
 use super::clock::{Clock, length};
 use super::data::*;
-use super::verdict::percent;
+use super::verdict::{percent, plural, was};
 use crate::totals::Kind;
 use output::printable;
 use output::table::{Cell, Column, Rows, Table};
@@ -53,7 +53,10 @@ fn cut(mut table: Table, left_out: u64) -> Table {
         table.notes.push(format!("{more} more in report.json."));
     }
     if left_out > 0 {
-        let text = format!("{left_out} more were counted and not kept one by one.");
+        let text = format!(
+            "{left_out} more {} counted and not kept one by one.",
+            was(left_out)
+        );
         table.notes.push(text);
     }
     table
@@ -253,17 +256,18 @@ fn difference_notes(difference: &DifferenceReport) -> Vec<String> {
     if difference.judged > 0 {
         let share = difference.above as f64 / difference.judged as f64;
         notes.push(format!(
-            "Above the expanded uncertainty of the difference (k = 2): {} of {} SYNCs, {}.",
+            "Above the expanded uncertainty of the difference (k = 2): {} of {}, {}.",
             difference.above,
-            difference.judged,
+            plural(difference.judged, "SYNC", "SYNCs"),
             percent(share)
         ));
     }
     if difference.syncs_slopes > 0 {
         notes.push(format!(
-            "{} SYNCs are compared by TPDO 1, in which presets and offsets are included and from \
+            "{} compared by TPDO 1, in which presets and offsets are included and from \
              which angles that must not be used are missing; {} by TPDO 3, as measured.",
-            difference.syncs_slopes, difference.syncs_measured
+            plural(difference.syncs_slopes, "SYNC is", "SYNCs are"),
+            difference.syncs_measured
         ));
     }
     if let (Some(most), Some(mean), Some(off)) = (
@@ -272,9 +276,9 @@ fn difference_notes(difference: &DifferenceReport) -> Vec<String> {
         difference.told_off_max_deg,
     ) {
         notes.push(format!(
-            "The nodes' own figure (2024h, {} values) was {most:.3} deg at most; it differs from \
+            "The nodes' own figure (2024h, {}) was {most:.3} deg at most; it differs from \
              the calculation here by {mean:.3} deg in the mean and {off:.3} deg at most.",
-            difference.told_count
+            plural(difference.told_count, "value", "values")
         ));
     }
     notes
@@ -375,9 +379,12 @@ pub fn gaps(report: &PeriodReport, title: &str, gaps: &GapsReport) -> Table {
         .table();
     if gaps.count > 0 {
         table.notes.push(format!(
-            "{} gaps of more than 2 s, {} together{}.",
-            gaps.count,
-            length(ns(gaps.sum_s)),
+            "{} of more than 2 s, {}{}.",
+            plural(gaps.count, "gap", "gaps"),
+            match gaps.count {
+                1 => length(ns(gaps.sum_s)),
+                _ => format!("{} together", length(ns(gaps.sum_s))),
+            },
             if gaps.count as usize > gaps.longest.len() {
                 "; the longest are listed"
             } else {
@@ -437,11 +444,14 @@ pub fn files(logs: &LogsReport) -> Table {
         .count("Log", |(number, _)| number)
         .text("File", |(_, file)| printable(file))
         .table();
-    table.notes.push(format!("{} frames in all.", logs.frames));
+    table.notes.push(format!(
+        "{} in all.",
+        plural(logs.frames, "frame", "frames")
+    ));
     if logs.overlapping > 0 {
         table.notes.push(format!(
-            "{} files begin before another one has ended; their frames were put in order of time.",
-            logs.overlapping
+            "{} before another one has ended; their frames were put in order of time.",
+            plural(logs.overlapping, "file begins", "files begin")
         ));
     }
     if !logs.not_logs.is_empty() {

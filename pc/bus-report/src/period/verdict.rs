@@ -3,7 +3,7 @@
 //! In: the figures of the report. Out: sentences.
 
 use super::clock::length;
-use super::data::{BusReport, EventReport, InstrumentReport, PeriodReport};
+use super::data::{BusReport, EventReport, InstrumentReport, LogsReport, PeriodReport};
 use crate::totals::Kind;
 
 /// The period in a sentence, and whether it is one without a fault.
@@ -66,16 +66,25 @@ fn without_instrument(report: &PeriodReport) -> (String, bool) {
     }
     let sentence = format!(
         "{} contain{} {}, and the samples around {boxes} of them.",
-        plural(report.memories.len(), "fault memory", "fault memories"),
+        plural(
+            report.memories.len() as u64,
+            "fault memory",
+            "fault memories"
+        ),
         if report.memories.len() == 1 { "s" } else { "" },
-        plural(entries, "event", "events"),
+        plural(entries as u64, "event", "events"),
     );
     (sentence, entries == 0 && boxes == 0)
 }
 
 /// A number with its noun.
-pub fn plural(count: usize, one: &str, many: &str) -> String {
+pub fn plural(count: u64, one: &str, many: &str) -> String {
     format!("{count} {}", if count == 1 { one } else { many })
+}
+
+/// The verb behind a number.
+pub const fn was(count: u64) -> &'static str {
+    if count == 1 { "was" } else { "were" }
 }
 
 fn open(standing: usize) -> String {
@@ -150,8 +159,9 @@ pub fn notes(report: &PeriodReport) -> Vec<String> {
     add(
         undated > 0,
         format!(
-            "{undated} frames have a time without a date, among others with one, and were left \
-             out."
+            "{} a time without a date, among others with one, and {} left out.",
+            plural(undated, "frame has", "frames have"),
+            was(undated)
         ),
     );
     add(
@@ -159,31 +169,46 @@ pub fn notes(report: &PeriodReport) -> Vec<String> {
         format!(
             "Time went backwards {}: the clock was set back, or a stretch stands in a log twice \
              and counts twice. What lies between such frames is counted in no length of time.",
-            plural(backwards as usize, "time", "times")
+            plural(backwards, "time", "times")
         ),
     );
     add(
         malformed > 0,
         format!(
-            "{malformed} frames of the instruments have another form than as delivered, and were \
-             not read: look for another PDO mapping, or for another node with such an identifier."
+            "{} another form than as delivered, and {} not read: look for another PDO mapping, or \
+             for another node with such an identifier.",
+            plural(
+                malformed,
+                "frame of the instruments has",
+                "frames of the instruments have"
+            ),
+            was(malformed)
         ),
     );
     add(
         outside > 0,
-        format!("{outside} frames lie outside the time asked for."),
+        format!(
+            "{} outside the time asked for.",
+            plural(outside, "frame lies", "frames lie")
+        ),
     );
-    if let Some(logs) = &report.logs {
-        let damaged = logs.damaged.iter();
-        damaged.for_each(|told| add(true, format!("A log is damaged: {told}.")));
-        add(
-            !logs.undated.is_empty() && logs.files.len() > 1,
-            format!(
-                "{} of the logs have no date; they were taken as following one another in the \
-                 order given.",
-                logs.undated.len()
-            ),
-        );
+    notes.extend(report.logs.iter().flat_map(notes_of_logs));
+    notes
+}
+
+fn notes_of_logs(logs: &LogsReport) -> Vec<String> {
+    let damaged = logs.damaged.iter();
+    let mut notes: Vec<_> = damaged
+        .map(|told| format!("A log is damaged: {told}."))
+        .collect();
+    match logs.undated.len() {
+        _ if logs.files.len() <= 1 => {}
+        0 => {}
+        1 => notes.push("1 of the logs has no date; it was taken in the order given.".to_owned()),
+        count => notes.push(format!(
+            "{count} of the logs have no date; they were taken as following one another in the \
+             order given."
+        )),
     }
     notes
 }
@@ -215,5 +240,29 @@ mod tests {
         assert_eq!(percent(0.000_001), "0.01 %");
         assert_eq!(percent(0.0), "0 %");
         assert_eq!(percent(0.125), "12.5 %");
+    }
+
+    #[test]
+    fn one_frame_was_counted_as_1_frames() {
+        let bus = BusReport {
+            malformed: 1,
+            undated: 1,
+            outside: 1,
+            backwards: 1,
+            ..BusReport::default()
+        };
+        let report = PeriodReport {
+            buses: vec![bus],
+            ..PeriodReport::default()
+        };
+        let notes = notes(&report).join(" ");
+        for wanted in [
+            "1 frame has a time without a date, among others with one, and was left out.",
+            "Time went backwards 1 time:",
+            "1 frame of the instruments has another form than as delivered, and was not read:",
+            "1 frame lies outside the time asked for.",
+        ] {
+            assert!(notes.contains(wanted), "{notes}");
+        }
     }
 }
