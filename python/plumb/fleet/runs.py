@@ -17,7 +17,8 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
-from ..logs import NODES
+from .._plumb import Error
+from ..logs import node_ids
 from . import filing, layout, page, schedulers, work
 from .errors import FleetError
 from .figures import SCHEMA
@@ -163,10 +164,10 @@ def _pairs(nodes: Iterable[int]) -> tuple[int, ...]:
 
     Errors: `FleetError` where one is no node-id, or has no partner.
     """
-    given = tuple(nodes)
-    for node in given:
-        if not 1 <= node <= NODES:
-            raise FleetError(f"{node} is no node-id: give 1 to {NODES}")
+    try:
+        given = tuple(node_ids(nodes))
+    except Error as why:
+        raise FleetError(str(why)) from None
     if len(given) % 2:
         raise FleetError("each instrument has two nodes, A and B: write them as 1,2")
     return given

@@ -92,7 +92,7 @@ impl RateCheck {
         },
         // 0.3 %.
         share: 192,
-        // Twice 0.005 % of the data sheet, as independent.
+        // 0.0071 %: 0.005 % of either part [ASSUME], as independent.
         share_per_c: 5,
         gravity: Gravity::PRODUCT,
     };

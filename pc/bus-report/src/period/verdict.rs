@@ -201,8 +201,10 @@ fn notes_of_logs(logs: &LogsReport) -> Vec<String> {
     let mut notes: Vec<_> = damaged
         .map(|told| format!("A log is damaged: {told}."))
         .collect();
+    if logs.files.len() <= 1 {
+        return notes;
+    }
     match logs.undated.len() {
-        _ if logs.files.len() <= 1 => {}
         0 => {}
         1 => notes.push("1 of the logs has no date; it was taken in the order given.".to_owned()),
         count => notes.push(format!(

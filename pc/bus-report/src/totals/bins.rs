@@ -49,6 +49,8 @@ impl Join for Extremes {
     }
 }
 
+/// A counter, which stops at its greatest value: that of a forged summary may have any size, and
+/// such a sum is the same in every order and grouping, as merging has to be.
 impl Join for u64 {
     #[inline]
     fn join(&mut self, other: &Self) {
@@ -78,7 +80,7 @@ impl<T> TryFrom<Form<T>> for Bins<T> {
 
     fn try_from(Form { level, bins }: Form<T>) -> Result<Self, Self::Error> {
         let last = (u64::MAX / SHORTEST_NS).checked_shr(level).unwrap_or(0);
-        let is_in_order = bins.windows(2).all(|two| two[0].0 < two[1].0);
+        let is_in_order = bins.is_sorted_by(|a, b| a.0 < b.0);
         if level > WIDEST || bins.len() > MOST {
             return Err("bins are wider or more than they can be");
         }

@@ -10,6 +10,7 @@ use std::cmp::Ordering;
 
 use canopen::Frame;
 
+use super::bins::Join;
 use super::instrument::{Instrument, Moment};
 use super::traffic::Traffic;
 use listen::{Counts, Meaning, Place, Plan, Side, Watch};
@@ -236,8 +237,8 @@ impl Collected {
         self.strangers.extend(&other.strangers);
         self.strangers.sort_unstable();
         self.strangers.dedup();
-        self.outside = self.outside.saturating_add(other.outside);
-        self.undated = self.undated.saturating_add(other.undated);
+        self.outside.join(&other.outside);
+        self.undated.join(&other.undated);
     }
 }
 

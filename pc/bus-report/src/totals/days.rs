@@ -3,6 +3,7 @@
 //! In: the time of what happened, in ns. Out: the [`Day`] of that time, by its number since time 0.
 //! Days without data are none. Joining the days of two parts gives the days of the whole.
 
+use super::bins::Join;
 use super::kind::KINDS;
 use serde::{Deserialize, Serialize};
 
@@ -26,12 +27,12 @@ pub struct Day {
 
 impl Day {
     fn merge(&mut self, other: &Self) {
-        self.covered_ns = self.covered_ns.saturating_add(other.covered_ns);
-        self.syncs = self.syncs.saturating_add(other.syncs);
+        self.covered_ns.join(&other.covered_ns);
+        self.syncs.join(&other.syncs);
         for (own, other) in self.events.iter_mut().zip(other.events) {
-            *own = own.saturating_add(other);
+            own.join(&other);
         }
-        self.incidents = self.incidents.saturating_add(other.incidents);
+        self.incidents.join(&other.incidents);
         self.largest_mdeg = self.largest_mdeg.max(other.largest_mdeg);
     }
 }
@@ -45,7 +46,7 @@ impl TryFrom<Vec<(u64, Day)>> for Days {
     type Error = &'static str;
 
     fn try_from(days: Vec<(u64, Day)>) -> Result<Self, Self::Error> {
-        let is_in_order = days.windows(2).all(|two| two[0].0 < two[1].0);
+        let is_in_order = days.is_sorted_by(|a, b| a.0 < b.0);
         if !is_in_order
             || days
                 .last()

@@ -3,6 +3,7 @@
 //! In: the gaps as they are found. Out: their number, their sum, and the longest [`MOST`] of them
 //! by name. Joining two lists gives the list of both.
 
+use super::bins::Join;
 use serde::{Deserialize, Serialize};
 
 /// Gaps that are kept by name.
@@ -55,8 +56,8 @@ impl Gaps {
 
     /// Takes the gaps of another list.
     pub fn merge(&mut self, other: &Self) {
-        self.count = self.count.saturating_add(other.count);
-        self.sum_ns = self.sum_ns.saturating_add(other.sum_ns);
+        self.count.join(&other.count);
+        self.sum_ns.join(&other.sum_ns);
         other.longest.iter().for_each(|gap| self.keep(*gap));
     }
 

@@ -6,7 +6,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::bins::{Bins, Extremes};
+use super::bins::{Bins, Extremes, Join};
 use super::tally::Tally;
 use listen::Now;
 
@@ -61,13 +61,13 @@ impl MotionSummary {
 
     /// Takes all that another one has.
     pub fn merge(&mut self, other: &Self) {
-        self.angles = self.angles.saturating_add(other.angles);
+        self.angles.join(&other.angles);
         for (own, other) in self.slope.iter_mut().zip(&other.slope) {
             own.merge(other);
         }
         self.uncertainty.merge(&other.uncertainty);
         self.uncertainty_bins.merge(&other.uncertainty_bins);
-        self.rates = self.rates.saturating_add(other.rates);
+        self.rates.join(&other.rates);
         for (own, other) in self.rate.iter_mut().zip(&other.rate) {
             own.merge(other);
         }

@@ -11,7 +11,7 @@
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-use super::bins::{Bins, Extremes};
+use super::bins::{Bins, Extremes, Join};
 use super::days::Days;
 use super::gaps::Gaps;
 use super::kind::Kind;
@@ -84,9 +84,9 @@ pub struct ChannelSummary {
 
 impl ChannelSummary {
     fn merge(&mut self, other: &Self) {
-        self.readings = self.readings.saturating_add(other.readings);
+        self.readings.join(&other.readings);
         for (own, other) in self.states.iter_mut().zip(other.states) {
-            *own = own.saturating_add(other);
+            own.join(&other);
         }
         for (own, other) in self.slope.iter_mut().zip(&other.slope) {
             own.merge(other);
@@ -94,13 +94,11 @@ impl ChannelSummary {
         for (own, other) in self.slope_bins.iter_mut().zip(&other.slope_bins) {
             own.merge(other);
         }
-        self.usable_ns = self.usable_ns.saturating_add(other.usable_ns);
+        self.usable_ns.join(&other.usable_ns);
         add_all(&mut self.unusable_ns, &other.unusable_ns);
         self.uncertainty.merge(&other.uncertainty);
         self.uncertainty_bins.merge(&other.uncertainty_bins);
-        self.uncertainty_unknown = self
-            .uncertainty_unknown
-            .saturating_add(other.uncertainty_unknown);
+        self.uncertainty_unknown.join(&other.uncertainty_unknown);
         self.temperature.merge(&other.temperature);
         self.temperature_bins.merge(&other.temperature_bins);
         self.activity.merge(&other.activity);
@@ -109,12 +107,10 @@ impl ChannelSummary {
             self.motion.get_or_insert_default().merge(other);
         }
         add_all(&mut self.emergencies, &other.emergencies);
-        self.boots = self.boots.saturating_add(other.boots);
-        self.heartbeat_losses = self.heartbeat_losses.saturating_add(other.heartbeat_losses);
-        self.heartbeat_lost_ns = self
-            .heartbeat_lost_ns
-            .saturating_add(other.heartbeat_lost_ns);
-        self.malformed = self.malformed.saturating_add(other.malformed);
+        self.boots.join(&other.boots);
+        self.heartbeat_losses.join(&other.heartbeat_losses);
+        self.heartbeat_lost_ns.join(&other.heartbeat_lost_ns);
+        self.malformed.join(&other.malformed);
         self.faults |= other.faults;
         self.checks.merge(&other.checks);
     }
@@ -131,8 +127,7 @@ impl ChannelSummary {
 
 fn add_all<K: Ord + Copy>(own: &mut BTreeMap<K, u64>, other: &BTreeMap<K, u64>) {
     for (key, count) in other {
-        let own = own.entry(*key).or_default();
-        *own = own.saturating_add(*count);
+        own.entry(*key).or_default().join(count);
     }
 }
 
@@ -162,11 +157,11 @@ impl DifferenceSummary {
         for (own, other) in self.own.iter_mut().zip(&other.own) {
             own.merge(other);
         }
-        self.by_measured = self.by_measured.saturating_add(other.by_measured);
-        self.by_slopes = self.by_slopes.saturating_add(other.by_slopes);
+        self.by_measured.join(&other.by_measured);
+        self.by_slopes.join(&other.by_slopes);
         self.bins.merge(&other.bins);
-        self.judged = self.judged.saturating_add(other.judged);
-        self.above = self.above.saturating_add(other.above);
+        self.judged.join(&other.judged);
+        self.above.join(&other.above);
         self.told.merge(&other.told);
         self.told_off.merge(&other.told_off);
     }

@@ -5,6 +5,7 @@
 //!
 //! Left out: when a value came (`bins`).
 
+use super::bins::Join;
 use super::histogram::Histogram;
 use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize};
@@ -36,7 +37,7 @@ impl Tally {
 
     /// Takes all values of another one.
     pub fn merge(&mut self, other: &Self) {
-        self.count = self.count.saturating_add(other.count);
+        self.count.join(&other.count);
         // A sum that saturates would depend on the order where signs differ; one that wraps does
         // not. Sums of values wrap only beyond 2^96 of them; a forged one may have any size.
         self.sum = self.sum.wrapping_add(other.sum);

@@ -11,7 +11,7 @@ use canopen::Frame;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use sim::can_bus::frame_bits;
 
-use super::bins::Bins;
+use super::bins::{Bins, Join};
 use super::gaps::{Gap, Gaps};
 use bus_logs::is_dated;
 use listen::GAP_NS;
@@ -38,7 +38,7 @@ impl Span {
     };
 
     fn merge(&mut self, other: &Self) {
-        self.count = self.count.saturating_add(other.count);
+        self.count.join(&other.count);
         self.first_ns = self.first_ns.min(other.first_ns);
         self.last_ns = self.last_ns.max(other.last_ns);
     }
@@ -174,14 +174,14 @@ impl Traffic {
     /// Takes what was on the bus in another log. Time between the two is in no gap.
     pub fn merge(&mut self, other: &Self) {
         self.bits.merge(&other.bits);
-        self.covered_ns = self.covered_ns.saturating_add(other.covered_ns);
+        self.covered_ns.join(&other.covered_ns);
         self.gaps.merge(&other.gaps);
         self.covered.merge(&other.covered);
-        self.total_bits = self.total_bits.saturating_add(other.total_bits);
+        self.total_bits.join(&other.total_bits);
         self.undated.merge(&other.undated);
         self.dated.merge(&other.dated);
         for (own, other) in self.frames.iter_mut().zip(other.frames.iter()) {
-            *own = own.saturating_add(*other);
+            own.join(other);
         }
         self.has_bits &= other.has_bits;
     }

@@ -294,8 +294,8 @@ impl Checks {
         ideal: impl Fn(f64) -> Option<[f64; 2]>,
     ) {
         let before = self.violations.len();
-        let stated_deg = self.within_deg[channel];
-        let within_deg = stated_deg.unwrap_or(LIMIT_DEG);
+        let stated_within_deg = self.within_deg[channel];
+        let within_deg = stated_within_deg.unwrap_or(LIMIT_DEG);
         match message {
             Message::Sync => self.sync(at_s),
             Message::Slopes(slopes) => {
@@ -316,7 +316,7 @@ impl Checks {
                 };
                 let found = (self.angles).see(at, channel, slopes.deg, newest, older);
                 self.violations.extend(found);
-                let frame = (channel, Kind::Slopes, stated_deg);
+                let frame = (channel, Kind::Slopes, stated_within_deg);
                 let found = self.stale.see(at_s, frame, slopes.deg, &ideal);
                 self.violations.extend(found);
                 (self.order).slopes(at_s, (channel, within_deg), slopes.deg, newest);
@@ -324,7 +324,7 @@ impl Checks {
             Message::Safety(deg) => {
                 let found = (self.safety).see(at_s, (channel, within_deg), *deg, &ideal);
                 self.violations.extend(found);
-                let frame = (channel, Kind::Safety, stated_deg);
+                let frame = (channel, Kind::Safety, stated_within_deg);
                 let found = self.stale.see(at_s, frame, deg.map(Some), &ideal);
                 self.violations.extend(found);
                 self.order.safety(at_s, channel);

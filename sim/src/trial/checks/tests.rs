@@ -72,6 +72,14 @@ impl Trace {
         self.say(channel, Message::Emergency(emergency));
     }
 
+    fn state(&mut self, channel: usize, uncertainty_deg: Option<f64>) {
+        let state = State {
+            state: 1,
+            uncertainty_deg,
+        };
+        self.say(channel, Message::State(state));
+    }
+
     fn fault_of(&mut self, channel: usize) {
         self.checks.fault(Affected {
             channel,
@@ -85,6 +93,12 @@ impl Trace {
         self.checks.violations.iter().map(of).collect()
     }
 }
+
+/// Limits of an instrument whose stated uncertainty counts.
+const STATING: Limits = Limits {
+    uncertainty_deg: Some(2.0),
+    ..Limits::PRODUCT
+};
 
 /// A pair in order for a second.
 fn working() -> Trace {
@@ -353,22 +367,14 @@ fn a_single_frame_of_before_a_silence_was_not_seen() {
 
 #[test]
 fn the_first_angle_after_a_silence_was_held_to_a_limit_before_its_uncertainty_was_stated() {
-    let limits = Limits {
-        uncertainty_deg: Some(2.0),
-        ..Limits::PRODUCT
-    };
     // Before the silence nothing was stated; the angle is 1 deg off.
     for (stated_deg, is_broken) in [(None, true), (Some(0.3), true), (Some(0.4), false)] {
-        let mut trace = Trace::new(limits, level);
+        let mut trace = Trace::new(STATING, level);
         trace.run(0.2, [Some(0.0); 2], [1; 2]);
         trace.now_s += 1.0;
         trace.say(1, CARRIERS[0]([1.0, 0.0]));
         assert_eq!(trace.broken(), []);
-        let state = State {
-            state: 1,
-            uncertainty_deg: stated_deg,
-        };
-        trace.say(1, Message::State(state));
+        trace.state(1, stated_deg);
         let told = [(Rule::StaleAngle, 1)];
         assert_eq!(
             trace.broken(),
@@ -392,18 +398,10 @@ fn after_a_silence_a_channel_that_is_faulty_itself_has_its_reaction_time() {
 
 #[test]
 fn a_valid_angle_that_states_more_than_its_limit_is_told() {
-    let limits = Limits {
-        uncertainty_deg: Some(2.0),
-        ..Limits::PRODUCT
-    };
     for (stated_deg, is_broken) in [(None, false), (Some(2.0), false), (Some(2.001), true)] {
-        let mut trace = Trace::new(limits, level);
+        let mut trace = Trace::new(STATING, level);
         trace.run(1.0, [Some(0.0); 2], [1; 2]);
-        let state = State {
-            state: 1,
-            uncertainty_deg: stated_deg,
-        };
-        trace.say(1, Message::State(state));
+        trace.state(1, stated_deg);
         let told = [(Rule::UncertainAngle, 1)];
         let expected = if is_broken { told.as_slice() } else { &[] };
         assert_eq!(trace.broken(), expected, "{stated_deg:?}");

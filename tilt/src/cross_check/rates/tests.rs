@@ -267,7 +267,7 @@ fn what_was_left_of_a_fast_turn_was_held_against_a_slow_one() {
 
 #[test]
 fn a_scale_over_temperature_that_nobody_calibrated_was_a_fault() {
-    // 0.032 % per degC of both is more than four of their standard deviations.
+    // Each is more than four standard deviations of two parts so far from 25 degC.
     for away_c in [10, 20, 35, 45] {
         let percent = 0.65 + 0.018 * f64::from(away_c);
         assert!(!differ_in_spins(percent, away_c), "{away_c}");
