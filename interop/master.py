@@ -201,7 +201,13 @@ class Master(can.Listener):
             found[:] = [f for f in self.since(mark, identifier) if data(bytes(f.data))]
             return bool(found)
 
-        until(look, f"frame {identifier:03X}h", timeout)
+        def came() -> str:
+            seen = [bytes(f.data).hex() for f in self.since(mark, identifier)]
+            times = [f.timestamp for f in self.frames[mark:]]
+            passed_s = times[-1] - times[0] if times else 0.0
+            return f"; in {passed_s:.1f} s of the bus there came {seen[-8:]}"
+
+        until(look, f"frame {identifier:03X}h", timeout, came)
         return found[0]
 
     def read(self, node: int, index: int, sub: int = 0) -> int:
@@ -296,13 +302,19 @@ def loosen(plumb: Plumb, master: Master) -> None:
     unseen(plumb, master, "fault b offset 20")
 
 
-def until(condition: Callable[[], Any], what: str, timeout: float = 6.0) -> Any:
-    """Waits for a condition; what it was waiting for is told when it never comes."""
+def until(
+    condition: Callable[[], Any],
+    what: str,
+    timeout: float = 6.0,
+    instead: Callable[[], str] = str,
+) -> Any:
+    """Waits for a condition; what it was waiting for, and what came instead, is told when it never
+    comes."""
     end = time.monotonic() + timeout
     while True:
         if found := condition():
             return found
-        assert time.monotonic() < end, f"never came: {what}"
+        assert time.monotonic() < end, f"never came: {what}{instead()}"
         time.sleep(0.002)
 
 
