@@ -354,7 +354,7 @@ fn a_log_runs_at_its_own_time_and_gaps_are_told() {
         out.contains("22:13:21.0  A +10.000 +0.000  B +9.980"),
         "{out}"
     );
-    assert!(out.contains("warning: 1 lines cut short"), "{out}");
+    assert!(out.contains("warning: lines cut short: 1"), "{out}");
     assert!(out.contains("the log has ended"), "{out}");
 }
 

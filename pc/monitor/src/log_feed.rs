@@ -123,7 +123,7 @@ impl LogFeed {
         let kinds = self.player.source().skipped().kinds();
         kinds
             .filter(|(kind, _)| !matches!(kind, Skip::NoFrame | Skip::OtherInterface))
-            .map(|(kind, tally)| format!("{} {}", tally.count, kind.words()))
+            .map(|(kind, tally)| format!("{}: {}", kind.words(), tally.count))
             .collect()
     }
 }
@@ -256,7 +256,7 @@ mod tests {
         let Ok(Step::Ended(remarks)) = feed.step(soon(1)) else {
             panic!("the log goes on");
         };
-        assert_eq!(remarks, ["1 lines cut short"]);
+        assert_eq!(remarks, ["lines cut short: 1"]);
         assert!(from.elapsed() < Duration::from_secs(5));
     }
 

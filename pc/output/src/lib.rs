@@ -10,6 +10,7 @@ pub mod check;
 pub mod hex;
 pub mod html;
 mod json;
+mod plural;
 mod printable;
 pub mod progress;
 pub mod series;
@@ -18,4 +19,5 @@ pub mod table;
 pub mod unreadable;
 pub mod write;
 
+pub use plural::plural;
 pub use printable::printable;

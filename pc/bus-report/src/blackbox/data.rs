@@ -8,6 +8,7 @@ use serde::Serialize;
 
 use super::decode::{FaultLog, Frame, Memory, Samples};
 use codes::words;
+use output::plural;
 use output::series::rounded;
 use output::table::{Cell, Column, Table};
 
@@ -200,15 +201,17 @@ pub fn table(memory: &MemoryReport, title: &str) -> Table {
         .entries_made
         .filter(|made| usize::from(*made) > memory.entries.len())
     {
-        let more = if made == u8::MAX {
-            "255 or more"
-        } else {
-            &made.to_string()
+        let made = match made {
+            u8::MAX => "255 or more entries were".to_owned(),
+            made => plural(made, "entry was", "entries were"),
         };
-        table.notes.push(format!(
-            "{more} entries were made since the log was emptied; the last {} are left.",
-            memory.entries.len()
-        ));
+        let left = match memory.entries.len() {
+            0 => "none is left".to_owned(),
+            left => format!("the last {} left", plural(left as u64, "is", "are")),
+        };
+        table
+            .notes
+            .push(format!("{made} made since the log was emptied; {left}."));
     }
     table
 }

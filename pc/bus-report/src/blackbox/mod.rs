@@ -22,9 +22,9 @@ use serde::Serialize;
 
 use bus_master::nodes::NodeOption;
 use bus_master::{Bus, BusOptions};
-use output::printable;
 use output::stdout;
 use output::unreadable::Unreadable;
+use output::{plural, printable};
 
 use data::MemoryReport;
 use decode::Memory;
@@ -220,7 +220,8 @@ fn shown(report: &FaultsReport) -> String {
             text.push_str(&format!("Fault log of {name}: no entry.\n"));
         }
         for one in &memory.boxes {
-            text.push_str(&format!("{}, {} SYNCs\n", one.title, one.rows.len()));
+            let syncs = plural(one.rows.len() as u64, "SYNC", "SYNCs");
+            text.push_str(&format!("{}, {syncs}\n", one.title));
         }
     }
     for path in &report.saved {

@@ -10,8 +10,8 @@ use super::verdict;
 use crate::blackbox::data::{self, MemoryReport};
 use output::chart::Chart;
 use output::html::{self, escape};
-use output::printable;
 use output::table::Table;
+use output::{plural, printable};
 
 const LEAD: &str = "What a redundant inclinometer has reported on its bus over a period: when its \
     two channels disagreed, what they measured, and with what uncertainty.";
@@ -143,7 +143,7 @@ fn what_happened(report: &PeriodReport, instrument: &InstrumentReport) -> String
     if instrument.plots_left_out > 0 {
         let text = format!(
             "{} no plot here.",
-            verdict::plural(
+            plural(
                 instrument.plots_left_out,
                 "more event has",
                 "more events have"

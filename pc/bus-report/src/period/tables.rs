@@ -5,10 +5,10 @@
 
 use super::clock::{Clock, length};
 use super::data::*;
-use super::verdict::{percent, plural, was};
+use super::verdict::{percent, was};
 use crate::totals::Kind;
-use output::printable;
 use output::table::{Cell, Column, Rows, Table};
+use output::{plural, printable};
 
 /// Rows of a table that are shown; the JSON has them all.
 const SHOWN: usize = 60;

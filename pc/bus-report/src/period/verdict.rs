@@ -5,6 +5,7 @@
 use super::clock::length;
 use super::data::{BusReport, EventReport, InstrumentReport, LogsReport, PeriodReport};
 use crate::totals::Kind;
+use output::plural;
 
 /// The period in a sentence, and whether it is one without a fault.
 pub fn of(report: &PeriodReport) -> (String, bool) {
@@ -75,11 +76,6 @@ fn without_instrument(report: &PeriodReport) -> (String, bool) {
         plural(entries as u64, "event", "events"),
     );
     (sentence, entries == 0 && boxes == 0)
-}
-
-/// A number with its noun.
-pub fn plural(count: u64, one: &str, many: &str) -> String {
-    format!("{count} {}", if count == 1 { one } else { many })
 }
 
 /// The verb behind a number.

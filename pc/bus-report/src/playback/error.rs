@@ -5,7 +5,7 @@ use std::io;
 use bus_logs::LogError;
 use bus_master::JoinError;
 use listen::PlanError;
-use output::printable;
+use output::{plural, printable};
 
 /// Logs that could not be played back.
 #[derive(Debug, thiserror::Error)]
@@ -32,10 +32,10 @@ pub enum PlaybackError {
     #[error("{0}")]
     Join(JoinError),
     /// The bus was lost, behind so many frames.
-    #[error("{1}, after {0} frames of the log")]
+    #[error("{1}, after {a} of the log", a = plural(*.0, "frame", "frames"))]
     Lost(u64, io::Error),
     /// The end was asked for, behind so many frames.
-    #[error("interrupted after {0} frames of the log")]
+    #[error("interrupted after {a} of the log", a = plural(*.0, "frame", "frames"))]
     Interrupted(u64),
     /// Frames of several interfaces can't go onto one bus.
     #[error(

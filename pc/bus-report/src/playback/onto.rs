@@ -15,6 +15,7 @@ use serde::Serialize;
 use super::{Options, PlaybackError};
 use bus_logs::{Logged, Moment, Player, candump_line};
 use bus_master::{Bus, BusOptions};
+use output::plural;
 use output::progress::Progress;
 use output::stdout;
 
@@ -152,8 +153,10 @@ impl Stage {
                 count => format!("; {count} that this adapter can't send were left out"),
             };
             stdout::print(format!(
-                "{sent} frames onto {bus} in {:.1} s, none later than {:.1} ms{left}\n",
-                played.elapsed_s, played.latest_ms
+                "{} onto {bus} in {:.1} s, none later than {:.1} ms{left}\n",
+                plural(*sent, "frame", "frames"),
+                played.elapsed_s,
+                played.latest_ms
             ))
         }
         .map_err(PlaybackError::Stdout)

@@ -8,7 +8,7 @@ use super::json::{
     DeviceJson, InstrumentJson, InterfaceJson, NodeJson, Report, SkippedJson, SpreadJson,
 };
 use bus_logs::text_utc;
-use output::printable;
+use output::{plural, printable};
 
 /// The whole text.
 pub fn of(report: &Report) -> String {
@@ -17,7 +17,7 @@ pub fn of(report: &Report) -> String {
         [one] => printable(one),
         files => format!("{} logs", files.len()),
     };
-    let _ = writeln!(text, "{files}: {} frames", report.frames);
+    let _ = writeln!(text, "{files}: {}", frames(report.frames));
     for interface in &report.interfaces {
         about_interface(&mut text, interface);
     }
@@ -26,7 +26,7 @@ pub fn of(report: &Report) -> String {
         .iter()
         .for_each(|device| about_device(&mut text, device));
     if report.outside > 0 {
-        let _ = writeln!(text, "Outside --from and --to: {} frames", report.outside);
+        let _ = writeln!(text, "Outside --from and --to: {}", frames(report.outside));
     }
     for kind in report
         .skipped
@@ -62,12 +62,12 @@ pub fn of(report: &Report) -> String {
             .take(5)
             .map(|n| printable(n))
             .collect();
-        let count = report.not_logs.len();
-        let _ = writeln!(text, "No logs: {count} files, as {}", names.join(", "));
+        let files = plural(report.not_logs.len() as u64, "file", "files");
+        let _ = writeln!(text, "No logs: {files}, as {}", names.join(", "));
     }
     if let Some(export) = &report.export {
-        let (file, rows) = (printable(&export.file), export.rows);
-        let _ = writeln!(text, "Written: {file}, {rows} rows");
+        let (file, rows) = (printable(&export.file), plural(export.rows, "row", "rows"));
+        let _ = writeln!(text, "Written: {file}, {rows}");
     }
     text
 }
@@ -111,16 +111,16 @@ fn about_skipped(text: &mut String, head: &str, kind: &SkippedJson) {
     let (file, line) = (printable(&kind.first_file), kind.first_line);
     let _ = writeln!(
         text,
-        "{head}: {count} {words}, the first in {file} line {line}"
+        "{head}, {words}: {count}, the first in {file} line {line}"
     );
 }
 
 fn about_interface(text: &mut String, interface: &InterfaceJson) {
     let _ = writeln!(
         text,
-        "\n{}: {} frames in {:.1} s, {} to {}",
+        "\n{}: {} in {:.1} s, {} to {}",
         printable(&interface.interface),
-        interface.frames,
+        frames(interface.frames),
         interface.last_time_s - interface.first_time_s,
         text_utc(ns(interface.first_time_s)),
         text_utc(ns(interface.last_time_s)),
@@ -156,6 +156,10 @@ fn about_interface(text: &mut String, interface: &InterfaceJson) {
         .for_each(|one| about_instrument(text, one));
 }
 
+fn frames(count: u64) -> String {
+    plural(count, "frame", "frames")
+}
+
 fn times(count: impl Into<u64>) -> String {
     match count.into() {
         1 => "once".to_owned(),
@@ -181,7 +185,8 @@ fn about_node(text: &mut String, node: &NodeJson) {
         let _ = writeln!(text, "  node {}: nothing", node.node_id);
         return;
     }
-    let _ = writeln!(text, "  node {}: {} readings", node.node_id, node.readings);
+    let readings = plural(node.readings, "reading", "readings");
+    let _ = writeln!(text, "  node {}: {readings}", node.node_id);
     about_spread(text, "X", &node.slope_x);
     about_spread(text, "Y", &node.slope_y);
     let states: Vec<_> = node
@@ -208,9 +213,9 @@ fn about_node(text: &mut String, node: &NodeJson) {
         let since = ns(finding.first_time_s);
         let _ = writeln!(
             text,
-            "    does not fit: {} {}, the first at {}",
-            finding.count,
+            "    does not fit, {}: {}, the first at {}",
             finding.words,
+            finding.count,
             text_utc(since)
         );
     }
