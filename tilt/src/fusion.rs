@@ -84,8 +84,9 @@ impl Fusion {
         // A correction is no turn: it must not count for one between the two verticals, or ahead.
         let corrected = state.motion.take_corrected();
         if let Ok(previous) = &mut state.previous {
-            for (up, moved) in previous.up.iter_mut().zip(corrected) {
-                *up = up.wrapping_add(moved);
+            // By reference: an array that is used up costs a call for each of its values.
+            for (up, moved) in previous.up.iter_mut().zip(&corrected) {
+                *up = up.wrapping_add(*moved);
             }
         }
     }

@@ -7,8 +7,9 @@
 #[cfg_attr(target_pointer_width = "32", inline(never))]
 pub(crate) const fn saturate(value: i64) -> i32 {
     let (low, high) = (value as i32, (value >> 32) as i32);
-    // It fits if the upper half has only the sign.
-    if high == low >> 31 {
+    // It fits if the upper half has only the sign: none, or that of a negative lower half. Written
+    // as a comparison the compiler takes it for two of 64 bits, which are twice as long.
+    if high.wrapping_add((low < 0) as i32) == 0 {
         low
     } else {
         (high >> 31) ^ i32::MAX

@@ -136,11 +136,14 @@ impl<C: Composition> TemperatureModel<C> {
 }
 
 fn subtract(input: Filtered, bias: [i32; 3]) -> Compensated {
-    let mut accel = input.accel;
-    for (value, bias) in accel.iter_mut().zip(bias) {
-        *value = value.saturating_sub(bias);
+    let ([x, y, z], [bias_x, bias_y, bias_z]) = (input.accel, bias);
+    Compensated {
+        accel: [
+            x.saturating_sub(bias_x),
+            y.saturating_sub(bias_y),
+            z.saturating_sub(bias_z),
+        ],
     }
-    Compensated { accel }
 }
 
 impl DataSheet {

@@ -83,7 +83,8 @@ impl TurnedState {
             .iter_mut()
             .zip(&mut self.rate)
             .zip(&mut self.change);
-        for (((sum, before), change), rate) in axes.zip(rate.rate) {
+        // By reference: an array that is used up costs a call for each of its values.
+        for (((sum, before), change), &rate) in axes.zip(&rate.rate) {
             *sum = sum.wrapping_add(i64::from(rate).wrapping_mul(turned));
             let change_now = rate.wrapping_sub(*before);
             // 2^-18 rad/s are 0.2 mdeg/s, and 4000 deg/s have room.
@@ -114,8 +115,8 @@ impl TurnedState {
         let activity = self.take_activity(gap, level_q8);
         let before = before_us.clamp(-20_000, 20_000) * MICROSECOND_Q32;
         let mut angle = [0; 3];
-        for (angle, (sum, rate)) in angle.iter_mut().zip(self.sum.iter().zip(self.rate)) {
-            let sum = sum.wrapping_sub(i64::from(rate).wrapping_mul(before));
+        for (angle, (sum, rate)) in angle.iter_mut().zip(self.sum.iter().zip(&self.rate)) {
+            let sum = sum.wrapping_sub(i64::from(*rate).wrapping_mul(before));
             *angle = (sum.wrapping_add(HALF_STEP) >> 46) as i16;
         }
         (!gap).then_some(Turned {
