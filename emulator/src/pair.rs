@@ -11,7 +11,7 @@ use device::calibration::stage;
 use device::factory;
 use device::memory::Build;
 use device::memory::records_only::RecordMemory;
-use device::objects::table::Channel;
+use device::objects::table::{Channel, Models};
 use device::records::{Record, RecordStore};
 use device::sensor::PartConfig;
 use embedded_storage::nor_flash::ReadNorFlash;
@@ -212,11 +212,11 @@ fn records(delivered: &Delivered, settings: ([u8; 2], u16), layout: &Layout) -> 
     let region = layout.records;
     if layout.b.is_none() {
         let mut memories = CHANNELS.map(|channel| of_paper(delivered, channel));
-        settle(&mut memories, settings);
+        settle(&mut memories, settings, delivered.models());
         return memories.map(|mut memory| held(memory.flash_mut(), region));
     }
     let mut memories = CHANNELS.map(|channel| of_product(delivered, channel));
-    settle(&mut memories, settings);
+    settle(&mut memories, settings, delivered.models());
     memories.map(|mut memory| held(memory.flash_mut(), region))
 }
 
@@ -247,9 +247,9 @@ fn of_paper(delivered: &Delivered, channel: Channel) -> RecordMemory<Medium<Vec<
 }
 
 /// Tells both who they are, where that is not what they are built with.
-fn settle<M: RecordStore>(memories: &mut [M; 2], (ids, kbit_s): ([u8; 2], u16)) {
+fn settle<M: RecordStore>(memories: &mut [M; 2], (ids, kbit_s): ([u8; 2], u16), models: Models) {
     if (ids, kbit_s) != AS_BUILT {
-        commission(memories, ids, kbit_s).expect(ROOM);
+        commission(memories, ids, kbit_s, models).expect(ROOM);
     }
 }
 

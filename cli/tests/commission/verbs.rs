@@ -1,5 +1,6 @@
 //! What each verb does, and refuses.
 
+use device::objects::table::{self, Models};
 use serde_json::Value;
 use std::process::Stdio;
 use std::time::{Duration, Instant};
@@ -395,6 +396,50 @@ fn two_fresh_nodes_get_their_node_ids_and_find_each_other() {
     assert_eq!(scan["nodes"][0]["pair"], 11);
     let got = bench.json(&["get", "1401:1", "--node", "11"]);
     assert_eq!(got["objects"][0]["raw"], 0x48A);
+}
+
+/// The raw number of an object.
+fn raw(bench: &Bench, address: &str, node: u8) -> u64 {
+    let node = node.to_string();
+    let got = bench.json(&["get", address, "--node", &node]);
+    got["objects"][0]["raw"].as_u64().unwrap()
+}
+
+/// Each channel hears the other one's exchange, and no other node's.
+fn assert_heard(bench: &Bench, models: Models, pair: [u8; 2]) {
+    let [a, b] = pair;
+    for (node, peer) in [(a, b), (b, a)] {
+        assert_eq!(raw(bench, "2001", node), u64::from(peer));
+        assert_eq!(raw(bench, "1016:1", node) >> 16, u64::from(peer));
+        for (index, base) in table::exchange(models) {
+            let address = format!("{index:04X}:1");
+            let heard = u64::from(base) + u64::from(peer);
+            assert_eq!(raw(bench, &address, node), heard, "{address} of {node}");
+        }
+    }
+}
+
+const VARIANTS: [(&str, Models); 2] = [("product", Models::PRODUCT), ("dynamic", Models::DYNAMIC)];
+
+#[test]
+fn a_second_instrument_heard_the_accelerations_of_the_first_one() {
+    for (mode, models) in VARIANTS {
+        let bench = Bench::new(&["--instruments", "2", "--mode", mode]);
+        assert_heard(&bench, models, [1, 2]);
+        assert_heard(&bench, models, [3, 4]);
+    }
+}
+
+#[test]
+fn after_new_node_ids_a_channel_did_not_hear_how_far_the_other_one_had_turned() {
+    for (mode, models) in VARIANTS {
+        let bench = Bench::new(&["--mode", mode]);
+        let told = bench.done(&["node-id", "--pair", "10,11", "--node", "1,2"]);
+        assert!(told.contains("compare their angles: both agree"), "{told}");
+        let turned = models == Models::DYNAMIC;
+        assert_eq!(told.contains("1401h:1, 1402h:1)"), turned, "{told}");
+        assert_heard(&bench, models, [10, 11]);
+    }
 }
 
 #[test]

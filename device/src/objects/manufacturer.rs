@@ -36,8 +36,8 @@ pub const MANUFACTURER: &[Row] = &[
         0x2001,
         "Peer node-ID",
         Unsigned8,
-        "Node-id of the other channel. Its heartbeat (1016h) and its exchange (1400h) are set up \
-         apart from this.",
+        "Node-id of the other channel. Its heartbeat (1016h) and its exchange (1400h, 1401h, \
+         with a gyroscope 1402h) are set up apart from this.",
     )
     .rw()
     .stored()

@@ -143,6 +143,21 @@ pub fn rows_of(models: Models) -> &'static [Row] {
     }
 }
 
+/// Where these instruments hold an identifier of the other channel's exchange: the RPDO's
+/// communication parameter, whose sub-index 1 it is, and the identifier for node-id 0. Whoever
+/// gives a channel another node-id writes them on the other one.
+pub fn exchange(models: Models) -> impl Iterator<Item = (u16, u32)> {
+    rows_of(models).iter().filter_map(|row| match row.default {
+        Default::Channel(of_b, _) if row.sub == 1 && RPDOS.contains(&row.index) => {
+            Some((row.index, (of_b - i64::from(Channel::B.node_id())) as u32))
+        }
+        _ => None,
+    })
+}
+
+/// Communication parameters of RPDOs (CiA 301, 7.5.2.35).
+const RPDOS: core::ops::Range<u16> = 0x1400..0x1600;
+
 /// The table as the stack uses it, for one channel of any of these instruments.
 pub fn dictionary(models: Models, channel: Channel) -> Dictionary {
     match models {

@@ -4,8 +4,8 @@
 //! the node is called, and as `ParameterValue` every writable number that depends on the channel
 //! or on the node-id, so that a tool that loads the file makes the node what it was delivered as.
 //!
-//! Left out: the other channel's node-id, which stays the delivered one in 1016h, 1400h and
-//! 2001h; whoever moves one channel writes these on the other.
+//! Left out: the other channel's node-id, which stays the delivered one in 1016h, 1400h to 1402h
+//! and 2001h; whoever moves one channel writes these on the other.
 
 use canopen::object::Access;
 use device::objects::row::{Default, Row};

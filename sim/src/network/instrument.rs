@@ -14,7 +14,7 @@ use device::channel::Settings;
 use device::device::Factory;
 use device::objects::communication::PEER_HEARTBEAT_MS;
 use device::objects::device_objects::{Identity, store_lss};
-use device::objects::table::{Channel, Models};
+use device::objects::table::{Channel, Models, exchange};
 use device::records::{Record, RecordStore, StoreError, parameters};
 use tilt::chain::Calibration;
 use tilt::cross_check::CrossCheck;
@@ -91,6 +91,11 @@ impl Delivered {
         }
     }
 
+    /// Which objects its nodes have.
+    pub const fn models(&self) -> Models {
+        self.models
+    }
+
     /// The same, judging by `check` instead of the one of its mode.
     pub fn judging_by(self, check: CrossCheck) -> Self {
         Self { check, ..self }
@@ -130,7 +135,7 @@ impl Delivered {
         let [a, b] = fittings;
         let (ids, rates) = ([a.node_id, b.node_id], [a.kbit_s, b.kbit_s]);
         let mut memories = [a.memory, b.memory];
-        acquaint(&mut memories, ids);
+        acquaint(&mut memories, ids, self.models);
         let [for_a, for_b] = memories;
         [(Channel::A, for_a), (Channel::B, for_b)].map(|(channel, mut memory)| {
             let place = channel as usize;
@@ -157,15 +162,17 @@ impl Delivered {
 }
 
 /// Tells the nodes of channels A and B who they are, as LSS and a commissioning tool do, before
-/// their first start: node-ids ([`UNCONFIGURED`] for none) and the bit rate, kbit/s.
+/// their first start: node-ids ([`UNCONFIGURED`] for none) and the bit rate, kbit/s. `models` says
+/// which instrument they are of.
 ///
 /// Errors: those of the store.
 pub fn commission<M: RecordStore>(
     memories: &mut [M; 2],
     ids: [u8; 2],
     kbit_s: u16,
+    models: Models,
 ) -> Result<(), StoreError> {
-    acquaint(memories, ids);
+    acquaint(memories, ids, models);
     for (memory, id) in memories.iter_mut().zip(ids) {
         store_lss(memory, id, Some(kbit_s))?;
     }
@@ -173,16 +180,16 @@ pub fn commission<M: RecordStore>(
 }
 
 /// Nodes with other node-ids than they are delivered with are told those of their peers.
-fn acquaint<M: RecordStore>([for_a, for_b]: &mut [M; 2], [a, b]: [u8; 2]) {
+fn acquaint<M: RecordStore>([for_a, for_b]: &mut [M; 2], [a, b]: [u8; 2], models: Models) {
     if [a, b] != [Channel::A.node_id(), Channel::B.node_id()] {
-        introduce(for_a, b);
-        introduce(for_b, a);
+        introduce(for_a, b, models);
+        introduce(for_b, a, models);
     }
 }
 
 /// Writes a peer's node-id where a commissioning tool would, unless something is stored there or
 /// the peer has none yet: peer, its heartbeat, its exchange.
-fn introduce<M: RecordStore>(memory: &mut M, peer: u8) {
+fn introduce<M: RecordStore>(memory: &mut M, peer: u8, models: Models) {
     let mut nothing = |record| memory.read(record, 0, &mut [0]) == 0;
     let free = nothing(Record::Manufacturer) && nothing(Record::Communication);
     if peer == UNCONFIGURED || !free {
@@ -190,11 +197,14 @@ fn introduce<M: RecordStore>(memory: &mut M, peer: u8) {
     }
     let id = u32::from(peer);
     let heartbeat = id << 16 | u32::from(PEER_HEARTBEAT_MS);
-    let told = [
+    let mut told = vec![
         (Record::Manufacturer, at(0x2001, 0), Value::u8(peer)),
         (Record::Communication, at(0x1016, 1), Value::u32(heartbeat)),
-        (Record::Communication, at(0x1400, 1), Value::u32(0x380 + id)),
     ];
+    told.extend(exchange(models).map(|(index, base)| {
+        let identifier = Value::u32(base + id);
+        (Record::Communication, at(index, 1), identifier)
+    }));
     for record in [Record::Manufacturer, Record::Communication] {
         // The host's memory holds these few bytes; a broken one is a fault for later.
         let _ = store(memory, record, &told);

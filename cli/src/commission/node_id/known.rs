@@ -8,7 +8,7 @@
 
 use canopen::object::Access;
 use device::objects::row::Default;
-use device::objects::table;
+use device::objects::table::{self, Models};
 
 use super::super::error::CommissionError;
 use super::super::save;
@@ -19,8 +19,24 @@ use codes::name;
 /// Bit 31 of a COB-ID: the PDO is off.
 const OFF: u32 = 1 << 31;
 
-/// Identifiers of the other channel's TPDO 3 and 4 in CiA's predefined set.
-const EXCHANGE: [(u16, u32); 2] = [(0x1400, 0x380), (0x1401, 0x480)];
+/// What an RPDO takes that only the exchange of a gyroscope has: how far the other channel turned.
+const TURNED: u32 = 0x202C;
+
+/// Where a node holds the identifiers of the other channel's exchange, and what they are for
+/// node-id 0. RPDO 3 is one of them with a gyroscope, and a master's own without.
+///
+/// Errors: see [`Fault`].
+fn exchange(node: &mut Node) -> Result<Vec<(u16, u32)>, Fault> {
+    let mut held: Vec<_> = table::exchange(Models::WHOLE).collect();
+    for (index, base) in table::exchange(Models::DYNAMIC) {
+        let is_known = held.iter().any(|(known, _)| *known == index);
+        // The mapping stands 200h above the communication parameter (CiA 301, 7.5.2.36).
+        if !is_known && node.number(index + 0x200, 1)?.map(|mapped| mapped >> 16) == Some(TURNED) {
+            held.push((index, base));
+        }
+    }
+    Ok(held)
+}
 
 /// Writes the identifiers that are as delivered for the old node-id, and saves them; their
 /// addresses.
@@ -63,10 +79,10 @@ fn write_identifier(node: &mut Node, index: u16, sub: u8, old: u32, new: u32) ->
     node.write(index, sub, &new.to_le_bytes())
 }
 
-/// Writes what a channel has to know of the other one, and saves it.
+/// Writes what a channel has to know of the other one, and saves it; the addresses of the objects.
 ///
 /// Errors: see [`CommissionError`].
-pub fn tell(node: &mut Node, peer: u8) -> Result<(), CommissionError> {
+pub fn tell(node: &mut Node, peer: u8) -> Result<Vec<String>, CommissionError> {
     node.write(0x2001, 0, &[peer])?;
     let supervised = node.number(0x1016, 1)?.unwrap_or(500);
     let time = match supervised & 0xFFFF {
@@ -75,14 +91,16 @@ pub fn tell(node: &mut Node, peer: u8) -> Result<(), CommissionError> {
     };
     let supervised = u32::from(peer) << 16 | time;
     node.write(0x1016, 1, &supervised.to_le_bytes())?;
-    for (index, base) in EXCHANGE {
+    let mut told = vec![name::address(0x2001, 0), name::address(0x1016, 1)];
+    for (index, base) in exchange(node)? {
+        told.push(name::address(index, 1));
         let old = node.number(index, 1)?.unwrap_or(0);
         write_identifier(node, index, 1, old, base + u32::from(peer))?;
     }
     for group in [save::Group::Communication, save::Group::Manufacturer] {
         save::save(node, save::Group::sub(Some(group)), false)?;
     }
-    Ok(())
+    Ok(told)
 }
 
 /// Whether a channel that was reset holds what it has to know of the other one.
@@ -98,7 +116,7 @@ pub fn check(node: &mut Node, peer: u8) -> Result<(), CommissionError> {
     if node.number(0x1016, 1)?.map(|number| number >> 16) != Some(peer) {
         return Err(differs(0x1016));
     }
-    for (index, base) in EXCHANGE {
+    for (index, base) in exchange(node)? {
         if node.number(index, 1)? != Some(base + peer) {
             return Err(differs(index));
         }

@@ -7,9 +7,9 @@
 //! line, or one JSON object. A step that fails ends it; what was printed before is done.
 //!
 //! The channels find each other by numbers that stay as they are: 2001h, the heartbeat that is
-//! supervised (1016h:1), and what RPDO 1 and 2 receive (1400h:1, 1401h:1). They are written,
-//! saved, and count from the reset at the end. Then both are started, to see that they compare,
-//! and taken back. Identifiers that follow the node-id as delivered do so no longer once they have
+//! supervised (1016h:1), and what RPDO 1 and 2 receive (1400h:1, 1401h:1; with a gyroscope that of
+//! RPDO 3, 1402h:1, too). They are written, saved, and count from the reset at the end. Then both
+//! are started, to see that they compare, and taken back. Identifiers that follow the node-id as delivered do so no longer once they have
 //! been saved; those that are still as delivered for the old node-id are written anew.
 //!
 //! Left out: identifiers of safety frames, which do not follow the node-id; a sentence says so.
@@ -389,10 +389,10 @@ impl Work<'_> {
         for (id, peer) in [(a, b), (b, a)] {
             let mut node = Node::new(self.bus, id);
             let told = node.set_up(true, |node| known::tell(node, peer));
-            told.map_err(|error| error.unwrap_or(Fault::Interrupted.into()))?;
+            let told = told.map_err(|error| error.unwrap_or(Fault::Interrupted.into()))?;
+            let told = told.join(", ");
             self.say(&format!(
-                "node {id}: the other channel is node {peer} (2001h, 1016h:1, 1400h:1, 1401h:1), \
-                 saved"
+                "node {id}: the other channel is node {peer} ({told}), saved"
             ))?;
         }
         for id in [a, b] {

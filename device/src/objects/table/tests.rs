@@ -292,3 +292,36 @@ fn the_two_tpdos_beyond_the_predefined_set_are_off_and_as_long_as_they_say() {
         );
     }
 }
+
+/// Whoever gives a channel another node-id knows from this all that the other one has stored of
+/// it: its node-id (2001h), its heartbeat (1016h) and its exchange.
+#[test]
+fn what_a_channel_stores_of_the_other_one_is_its_node_id_heartbeat_and_exchange() {
+    for (models, rpdos) in [
+        (Models::WHOLE, 2),
+        (Models::PRODUCT, 2),
+        (Models::PAPER, 2),
+        (Models::DYNAMIC, 3),
+    ] {
+        let exchange = exchange(models).map(|(index, _)| (index, 1));
+        let mut known: Vec<_> = [(0x1016, 1), (0x2001, 0)]
+            .into_iter()
+            .chain(exchange)
+            .collect();
+        assert_eq!(known.len(), 2 + rpdos);
+        // Safety frames do not follow the node-ids.
+        let is_safety = |row: &Row| (0x1301..=0x13FF).contains(&row.index);
+        let of_the_other = |row: &&Row| {
+            let differs = matches!(row.default, Default::Channel(..));
+            differs && row.access.has(Access::STORED) && !is_safety(row)
+        };
+        let mut stored: Vec<_> = rows_of(models)
+            .iter()
+            .filter(of_the_other)
+            .map(|row| (row.index, row.sub))
+            .collect();
+        stored.sort();
+        known.sort();
+        assert_eq!(stored, known);
+    }
+}
