@@ -9,8 +9,9 @@
 //! The channels find each other by numbers that stay as they are: 2001h, the heartbeat that is
 //! supervised (1016h:1), and what RPDO 1 and 2 receive (1400h:1, 1401h:1; with a gyroscope that of
 //! RPDO 3, 1402h:1, too). They are written, saved, and count from the reset at the end. Then both
-//! are started, to see that they compare, and taken back. Identifiers that follow the node-id as delivered do so no longer once they have
-//! been saved; those that are still as delivered for the old node-id are written anew.
+//! are started, to see that they compare, and taken back. Identifiers that follow the node-id as
+//! delivered do so no longer once they have been saved; those that are still as delivered for the
+//! old node-id are written anew.
 //!
 //! Left out: identifiers of safety frames, which do not follow the node-id; a sentence says so.
 
