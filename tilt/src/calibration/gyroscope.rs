@@ -15,16 +15,18 @@
 //! directions), over 24 turns by hand less than 0.05 %. A second pass over the same samples, which
 //! begins with the gains of the first, leaves less than 0.001 % of both; the tests have the limits.
 //!
-//! Left out: sensitivity to acceleration, scale over temperature, and the turn of the earth, which
-//! is in [`Accuracy::bias`].
+//! Left out: sensitivity to acceleration, and the turn of the earth, which is in
+//! [`Accuracy::bias`].
 
 pub mod bias;
+pub mod scale;
 #[cfg(test)]
 mod tests;
 pub mod turn;
 
 pub use bias::{BiasFit, EARTH_RATE, FEWEST_RESTS, FEWEST_TEMPERATURES, FittedBias, LEAST_RANGE};
-pub use turn::{Turn, TurnSum};
+pub use scale::{FEWEST_SCALE_TURNS, FittedScale, SLOPE_PRIOR, ScaleFit};
+pub use turn::{Rotation, Turn, TurnSum};
 
 use super::FitError;
 use super::least_squares::{Normal, square_root};
@@ -75,6 +77,11 @@ impl Accuracy {
         let drift = self.bias * duration_s;
         let walk = self.noise * self.noise * duration_s / 2.0;
         2.0 * self.vertical * self.vertical + walk + drift * drift
+    }
+
+    /// Weight of each equation of a turn: 1 / variance, 1/rad^2.
+    fn weight(&self, turn: &Turn) -> f64 {
+        1.0 / (self.variance(turn.duration_s) + turn.missed * turn.missed)
     }
 }
 
@@ -132,8 +139,7 @@ impl GainFit {
 
     /// Adds a turn.
     pub fn add(&mut self, turn: &Turn) {
-        let variance = self.accuracy.variance(turn.duration_s) + turn.missed * turn.missed;
-        let weight = 1.0 / variance;
+        let weight = self.accuracy.weight(turn);
         for (row, &value) in turn.rows.iter().zip(&turn.values) {
             self.normal.add(*row, [value], weight);
             self.square += weight * value * value;
@@ -244,7 +250,7 @@ fn plausible(gains: &[[f64; 3]; 3]) -> bool {
             .all(|v| v.abs() <= LARGEST_ALIGNMENT)
 }
 
-/// What the chip applies; scale over temperature is left at 0.
+/// What the chip applies; the slope of the scale ([`ScaleFit`]) is left at 0.
 ///
 /// Errors: [`FitError::Implausible`] when a number does not fit the format.
 pub fn correction(bias: &FittedBias, gains: &FittedGains) -> Result<RateCorrection, FitError> {

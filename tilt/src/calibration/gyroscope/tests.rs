@@ -1,5 +1,7 @@
 //! Turns by a motor and by hand, of sensors drawn from a seed.
 
+mod scale;
+
 use std::vec::Vec;
 
 use super::*;

@@ -2,7 +2,8 @@
 //!
 //! In: the vertical before the turn, each sample of the rate during it, the vertical after it.
 //! Out: a [`Turn`]. No sample is kept, so it does not matter how long a turn takes; a [`TurnSum`]
-//! takes 400 bytes.
+//! takes 400 bytes. A [`Rotation`] is the same without the verticals, for those who know them
+//! later only.
 //!
 //! # How
 //! The vertical u in the housing's axes follows u' = u x (M w). With the gains M0 assumed, the
@@ -47,19 +48,27 @@ const LEAST_SHOWN: f64 = 0.01;
 /// The matrix that leaves a vector as it is.
 pub(super) const IDENTITY: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 
+/// The rotation by the rates of a turn with its derivative by the gains. The vertical takes no
+/// part in it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rotation {
+    /// M0: the gains that the rates are taken with.
+    pub gains: [[f64; 3]; 3],
+    /// C: from the axes at the start to the present ones.
+    pub frame: [[f64; 3]; 3],
+    /// A_ij, three numbers each, rad.
+    pub sums: [[[f64; 3]; 3]; 3],
+    /// The way so far, summed over the axes, rad.
+    pub way: f64,
+    /// How long it has taken, s.
+    pub duration_s: f64,
+}
+
 /// A turn that goes on.
 #[derive(Clone, Debug)]
 pub struct TurnSum {
     before: [f64; 3],
-    /// M0.
-    gains: [[f64; 3]; 3],
-    /// C: from the axes at the start to the present ones.
-    frame: [[f64; 3]; 3],
-    /// A_ij, rad.
-    sums: [[[f64; 3]; 3]; 3],
-    /// The way so far, summed over the axes, rad.
-    way: f64,
-    duration_s: f64,
+    rotation: Rotation,
 }
 
 /// The equations of a turn for the gains M: `rows` times (M - 1) = `values`.
@@ -79,8 +88,33 @@ impl TurnSum {
     /// accelerometer and `gains` the best M so far (M0): that of `GainFit::present`, or of an
     /// earlier pass.
     pub const fn new(before: [f64; 3], gains: [[f64; 3]; 3]) -> Self {
+        let rotation = Rotation::new(gains);
+        Self { before, rotation }
+    }
+
+    /// Adds a sample: the measured rate without its bias, rad/s along the sensor's axes, and for
+    /// how long it stands, s. Some 150 products.
+    pub fn sample(&mut self, rate: [f64; 3], dt_s: f64) {
+        self.rotation.sample(rate, dt_s);
+    }
+
+    /// The vertical expected now, housing's axes; to be compared.
+    pub fn expected(&self) -> [f64; 3] {
+        self.rotation.expected(self.before)
+    }
+
+    /// Ends at rest, with `after` the vertical as in [`TurnSum::new`].
+    ///
+    /// Errors: those of [`Rotation::between`].
+    pub fn finish(&self, after: [f64; 3]) -> Result<Turn, FitError> {
+        self.rotation.between(self.before, after)
+    }
+}
+
+impl Rotation {
+    /// Begins at rest, with `gains` the best M so far (M0).
+    pub const fn new(gains: [[f64; 3]; 3]) -> Self {
         Self {
-            before,
             gains,
             frame: IDENTITY,
             sums: [[[0.0; 3]; 3]; 3],
@@ -89,8 +123,7 @@ impl TurnSum {
         }
     }
 
-    /// Adds a sample: the measured rate without its bias, rad/s along the sensor's axes, and for
-    /// how long it stands, s. Some 150 products.
+    /// Adds a sample as [`TurnSum::sample`] does.
     pub fn sample(&mut self, rate: [f64; 3], dt_s: f64) {
         let angle = rate.map(|w| w * dt_s);
         let turned = times(&self.gains, angle).map(|a| -a);
@@ -109,20 +142,21 @@ impl TurnSum {
         self.duration_s += dt_s;
     }
 
-    /// The vertical expected now, housing's axes; to be compared.
-    pub fn expected(&self) -> [f64; 3] {
-        times(&self.frame, self.before)
+    /// Where the vertical that was `before` is expected now, housing's axes.
+    pub fn expected(&self, before: [f64; 3]) -> [f64; 3] {
+        times(&self.frame, before)
     }
 
-    /// Ends at rest, with `after` the vertical as in [`TurnSum::new`].
+    /// The turn from rest to rest, with the vertical `before` and `after` it (up, length 1,
+    /// housing's axes) by the calibrated accelerometer.
     ///
     /// Errors: [`FitError::Implausible`] when a vertical is not 0.9 to 1.1 long, the way is
     /// longer than two circles (summed over the axes), or the end is more than 45 deg from where
     /// the rates lead: wrong unit, sign or axes, or samples that are missing.
     /// [`FitError::IllConditioned`] when the turn shows next to nothing: no turn, or back by the
     /// same path.
-    pub fn finish(&self, after: [f64; 3]) -> Result<Turn, FitError> {
-        let (before, after) = (unit(self.before)?, unit(after)?);
+    pub fn between(&self, before: [f64; 3], after: [f64; 3]) -> Result<Turn, FitError> {
+        let (before, after) = (unit(before)?, unit(after)?);
         let back = turned_back(&self.frame, after);
         // What is no number is neither.
         let plausible = dot(back, before) > WORST_END && self.way < LONGEST;
