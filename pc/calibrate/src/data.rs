@@ -196,6 +196,9 @@ pub struct Thermal {
     /// The bias of the gyroscope; none where there is no gyroscope.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub gyroscope_bias: Option<GyroscopeBias>,
+    /// The scale of the gyroscope over temperature; none where no turn was followed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub gyroscope_scale: Option<GyroscopeScale>,
 }
 
 /// How the bias of a gyroscope over temperature was found.
@@ -213,6 +216,30 @@ pub struct GyroscopeBias {
     /// Root mean square of the difference between runs; none of a single one.
     pub bias_between_runs_deg_s: Option<f64>,
     /// Why the gyroscope keeps the bias that it had; none where it has a new one.
+    pub refused: Option<String>,
+}
+
+/// Turns of a chamber run that could not be used for one reason.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct TurnsLeftOut {
+    /// Why.
+    pub why: String,
+    /// How many they are.
+    pub turns: u32,
+}
+
+/// How the scale of a gyroscope over temperature was found.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct GyroscopeScale {
+    /// Turns that were used.
+    pub used: u32,
+    /// The others.
+    pub left_out: Vec<TurnsLeftOut>,
+    /// Root mean square of what the fit leaves in one direction of a turn's end.
+    pub scale_residual_deg: Option<f64>,
+    /// Axes of the sensor about which the housing was hardly turned: their slopes are as before.
+    pub open_axes: Vec<String>,
+    /// Why the gyroscope keeps the slopes that it had; none where it has new ones.
     pub refused: Option<String>,
 }
 
@@ -442,6 +469,16 @@ mod tests {
             bias_residual_deg_s: None,
             bias_hysteresis_deg_s: None,
             bias_between_runs_deg_s: None,
+            refused: None,
+        });
+        thermal.gyroscope_scale = Some(GyroscopeScale {
+            used: 1,
+            left_out: vec![TurnsLeftOut {
+                why: String::new(),
+                turns: 1,
+            }],
+            scale_residual_deg: None,
+            open_axes: Vec::new(),
             refused: None,
         });
         report.channels[0].gyroscope_turns = Some(Turns {

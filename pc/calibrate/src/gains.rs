@@ -17,7 +17,7 @@
 
 use tilt::calibration::FitError;
 use tilt::calibration::gyroscope::{
-    Accuracy, BiasFit, FittedBias, FittedGains, GainFit, Turn, TurnSum,
+    Accuracy, BiasFit, FittedBias, FittedGains, GainFit, Rotation, Turn,
 };
 use tilt::chain::{Calibration, Correction};
 use tilt::rate::{RateCorrection, RealRateCorrection};
@@ -204,28 +204,18 @@ struct Sensor<'a> {
 impl Sensor<'_> {
     /// The turn from one rest to the next.
     fn path(&self, from: &Rest, to: &Rest) -> Result<Path, BadTurn> {
-        if from.gaps != to.gaps {
-            return Err(Spoilt::Gap.into());
-        }
-        let [before, after] = [from, to].map(|rest| self.rate(rest));
-        let (before, after) = (before?, after?);
-        let bias = [0, 1, 2].map(|axis| (before[axis] + after[axis]) / 2.0);
-        let steps = self.log.between(from.marks[1], to.marks[0])?;
-        let rotations = rotations(&steps, bias, self.period_s);
-        if rotations.iter().map(|(_, dt_s)| dt_s).sum::<f64>() > LONGEST_S {
-            return Err(BadTurn::Long);
-        }
+        let upright =
+            |Reading {
+                 accel,
+                 temperature_c,
+                 ..
+             }: &Reading| { upright(self.calibration, *accel, *temperature_c) };
         Ok(Path {
-            before: upright(self.calibration, &from.reading),
-            after: upright(self.calibration, &to.reading),
-            rotations,
+            before: upright(&from.reading),
+            after: upright(&to.reading),
+            rotations: way(self.log, self.period_s, from, to)?,
             checks: to.checks,
         })
-    }
-
-    /// Mean rate of a rest, rad/s.
-    fn rate(&self, rest: &Rest) -> Result<[f64; 3], Spoilt> {
-        self.log.rest(rest.marks[0], rest.marks[1])
     }
 
     fn found(
@@ -285,7 +275,9 @@ impl Sensor<'_> {
     fn bias(&self) -> Result<FittedBias, FitError> {
         let mut fit = BiasFit::default();
         for rest in self.rests {
-            let Ok(rate) = self.rate(rest) else { continue };
+            let Ok(rate) = rest.rate(self.log) else {
+                continue;
+            };
             let d = rest.reading.temperature_c - 25.0;
             let RealRateCorrection { bias1, bias2, .. } = self.before;
             let flat = [0, 1, 2].map(|axis| rate[axis] - d * (bias1[axis] + d * bias2[axis]));
@@ -299,27 +291,68 @@ impl Sensor<'_> {
 impl Path {
     /// The turn as its equations, where it begins with these gains.
     fn turn(&self, gains: [[f64; 3]; 3]) -> Result<Turn, FitError> {
-        self.sum(gains).finish(self.after)
+        rotation(&self.rotations, gains).between(self.before, self.after)
     }
 
     /// How far its end is from where these gains lead, deg.
     fn misses_deg(&self, gains: [[f64; 3]; 3]) -> f64 {
-        angle_deg(self.sum(gains).expected(), self.after)
+        let leads_to = rotation(&self.rotations, gains).expected(self.before);
+        angle_deg(leads_to, self.after)
     }
+}
 
-    fn sum(&self, gains: [[f64; 3]; 3]) -> TurnSum {
-        let mut sum = TurnSum::new(self.before, gains);
-        for (rotation, dt_s) in &self.rotations {
-            let angle = rotation.iter().map(|a| a.abs()).fold(0.0, f64::max);
-            let parts = (angle / LARGEST_PART).ceil().max(1.0);
-            // A step of a few degrees goes in parts: the sum takes each as small.
-            let part_s = dt_s / parts;
-            let rate = rotation.map(|a| a / dt_s);
-            for _ in 0..parts as u32 {
-                sum.sample(rate, part_s);
-            }
+impl Rest {
+    /// Its mean rate, rad/s.
+    fn rate(&self, log: &Log) -> Result<[f64; 3], Spoilt> {
+        log.rest(self.marks[0], self.marks[1])
+    }
+}
+
+/// The way from one rest to the next without the bias of both: its rotations along the sensor's
+/// axes, rad, each with how long it took, s.
+///
+/// Errors: what spoils the turn, and [`BadTurn::Long`].
+pub fn way(
+    log: &Log,
+    period_s: f64,
+    from: &Rest,
+    to: &Rest,
+) -> Result<Vec<([f64; 3], f64)>, BadTurn> {
+    if from.gaps != to.gaps {
+        return Err(Spoilt::Gap.into());
+    }
+    let (before, after) = (from.rate(log)?, to.rate(log)?);
+    let bias = [0, 1, 2].map(|axis| (before[axis] + after[axis]) / 2.0);
+    let steps = log.between(from.marks[1], to.marks[0])?;
+    let rotations = rotations(&steps, bias, period_s);
+    match rotations.iter().map(|(_, dt_s)| dt_s).sum::<f64>() > LONGEST_S {
+        true => Err(BadTurn::Long),
+        false => Ok(rotations),
+    }
+}
+
+/// What a way comes to with these gains.
+pub fn rotation(way: &[([f64; 3], f64)], gains: [[f64; 3]; 3]) -> Rotation {
+    let mut sum = Rotation::new(gains);
+    for (rotation, dt_s) in way {
+        let angle = rotation.iter().map(|a| a.abs()).fold(0.0, f64::max);
+        let parts = (angle / LARGEST_PART).ceil().max(1.0);
+        // A step of a few degrees goes in parts: the sum takes each as small.
+        let part_s = dt_s / parts;
+        let rate = rotation.map(|a| a / dt_s);
+        for _ in 0..parts as u32 {
+            sum.sample(rate, part_s);
         }
-        sum
+    }
+    sum
+}
+
+/// What turns are known to beside an accelerometer of this standard uncertainty, deg.
+pub fn accuracy(vertical_deg: f64) -> Accuracy {
+    Accuracy {
+        vertical: vertical_deg.to_radians(),
+        noise: NOISE,
+        bias: BIAS,
     }
 }
 
@@ -328,11 +361,7 @@ const LARGEST_PART: f64 = 0.0175;
 
 /// Both passes over the turns that go into the fit.
 fn passes(paths: &[&Path], start: [[f64; 3]; 3], demand: &Demand) -> Result<FittedGains, FitError> {
-    let accuracy = Accuracy {
-        vertical: demand.vertical_deg.to_radians(),
-        noise: NOISE,
-        bias: BIAS,
-    };
+    let accuracy = accuracy(demand.vertical_deg);
     let mut first = GainFit::near(start, accuracy);
     for path in paths {
         first.add(&path.turn(first.present())?);
@@ -366,10 +395,11 @@ fn most_of(bad: &[(usize, BadTurn)]) -> Option<BadTurn> {
     reasons.max_by_key(like)
 }
 
-/// The vertical that a node's accelerometer shows, of length 1.
-fn upright(calibration: &Calibration, reading: &Reading) -> [f64; 3] {
-    let at = temperature(reading.temperature_c);
-    let felt = compensated(&calibration.temperature, reading.accel, at);
+/// The vertical that a node's accelerometer shows, of length 1 in the housing's axes, from its mean
+/// (2^-26 g, sensor's axes) and its temperature.
+pub fn upright(calibration: &Calibration, accel: [f64; 3], temperature_c: f64) -> [f64; 3] {
+    let at = temperature(temperature_c);
+    let felt = compensated(&calibration.temperature, accel, at);
     let accel = match &calibration.correction {
         Correction::TwoAxis { vector, .. } | Correction::OneAxis { vector, .. } => {
             vector.apply(felt).accel

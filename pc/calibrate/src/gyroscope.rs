@@ -17,6 +17,7 @@ use output::html;
 
 /// Names of coefficients that the turns show.
 const SCALE: &str = "Scale";
+const SCALE_SLOPE: &str = "Scale, slope";
 const SHARE: &str = "Alignment, share of sensor axis ";
 const BIAS: &str = "Bias at 25 degC";
 const BIAS_SLOPE: &str = "Bias, slope";
@@ -33,8 +34,10 @@ const UNKNOWN: &str = " The calibration holds no uncertainty of them.";
 
 /// What is said of it where there was a chamber.
 const IN_CHAMBER: &str = " The expanded uncertainty (k = 2) of the bias and its change is by what \
-    the dwells and their orientations leave, that at 25 degC also by the turn of the earth. What \
-    has none is as it was found.";
+    the dwells and their orientations leave, that at 25 degC also by the turn of the earth. That \
+    of the scale's slope is of the turns between the rests, with gravity by the channel's own \
+    accelerometer as the reference; of an axis that the turns do not show it is that of a part as \
+    it comes. What has none is as it was found.";
 
 /// What is said of it where there were turns.
 const KNOWN: &str = " The expanded uncertainty (k = 2) of scale and alignment is that of the turns \
@@ -57,7 +60,7 @@ pub fn of(rates: &RateCorrection) -> Vec<Coefficient> {
             });
         };
         put(SCALE, 100.0 * (real.matrix[row][row] - 1.0), "%");
-        put("Scale, slope", 100.0 * real.scale1[row], "%/degC");
+        put(SCALE_SLOPE, 100.0 * real.scale1[row], "%/degC");
         for (column, other) in AXES.iter().enumerate().filter(|(c, _)| *c != row) {
             let called = format!("{SHARE}{other}");
             put(&called, 100.0 * real.matrix[row][column], "%");
@@ -129,6 +132,16 @@ pub fn put_bias_uncertainty(all: &mut [Coefficient], uncertainty: &[[f64; 3]; 3]
                 _ => continue,
             };
             coefficient.expanded = Some(2.0 * u);
+        }
+    }
+}
+
+/// U of the slope of each axis' scale, from its standard uncertainty, 1 per degC.
+pub fn put_slope_uncertainty(all: &mut [Coefficient], uncertainty: [f64; 3]) {
+    for (axis, u) in AXES.iter().zip(uncertainty) {
+        let slope = |c: &&mut Coefficient| c.axis == *axis && c.name == SCALE_SLOPE;
+        for coefficient in all.iter_mut().filter(slope) {
+            coefficient.expanded = Some(2.0 * 100.0 * u);
         }
     }
 }

@@ -23,6 +23,8 @@ pub mod folder;
 mod gains;
 mod gyroscope;
 pub mod hand;
+#[cfg(test)]
+mod held;
 pub mod kept;
 pub mod motor;
 mod over_temperature;

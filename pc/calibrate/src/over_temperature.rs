@@ -6,7 +6,9 @@
 //!
 //! Left out: the rest of both (`page`, `dcc`), and the figures themselves (`crate::characterise`).
 
-use super::data::{Channel, Coefficient, GyroscopeBias, Report, Thermal, ThermalDwell};
+use super::data::{
+    Channel, Coefficient, GyroscopeBias, GyroscopeScale, Report, Thermal, ThermalDwell,
+};
 use super::quantity::{METRE_PER_SECOND2, SI_PER_MG, list, name, real};
 use super::xml::Xml;
 use output::chart::{Chart, Ink, Level, Plot, Shape};
@@ -64,6 +66,7 @@ fn facts(channel: &Channel, thermal: &Thermal) -> Vec<(&'static str, String)> {
         ("Between runs, rms", mg(thermal.between_runs_mg)),
     ];
     facts.extend(thermal.gyroscope_bias.iter().flat_map(of_gyroscope));
+    facts.extend(thermal.gyroscope_scale.iter().flat_map(of_scale));
     facts
 }
 
@@ -91,6 +94,26 @@ fn of_gyroscope(bias: &GyroscopeBias) -> Vec<(&'static str, String)> {
             deg_s(bias.bias_between_runs_deg_s),
         ),
     ]
+}
+
+/// How the scale of the gyroscope over temperature was found.
+fn of_scale(scale: &GyroscopeScale) -> Vec<(&'static str, String)> {
+    const SCALE: &str = "Scale of the gyroscope";
+    let mut facts = match &scale.refused {
+        Some(refused) => vec![(SCALE, format!("as it was: {refused}"))],
+        None => vec![(SCALE, format!("slopes from {} turns", scale.used))],
+    };
+    if let Some(deg) = scale.scale_residual_deg {
+        facts.push(("Left at a turn's end, rms", format!("{deg:.3} deg")));
+    }
+    if !scale.open_axes.is_empty() {
+        let axes = scale.open_axes.join(", ");
+        facts.push(("Axes not turned, slopes as before", axes));
+    }
+    for left in &scale.left_out {
+        facts.push(("Turns left out", format!("{}: {}", left.turns, left.why)));
+    }
+    facts
 }
 
 /// What the model leaves of an axis over the sensor's temperature, each branch by itself.
@@ -214,6 +237,25 @@ fn bias_result(xml: &mut Xml, bias: &GyroscopeBias) {
     });
 }
 
+/// The result about the scale of the gyroscope.
+fn scale_result(xml: &mut Xml, scale: &GyroscopeScale) {
+    let what = scale.refused.as_ref().map_or(
+        "Scale of the gyroscope over temperature".to_owned(),
+        |refused| format!("Scale of the gyroscope, whose slopes are as they were found: {refused}"),
+    );
+    let left_out: u32 = scale.left_out.iter().map(|left| left.turns).sum();
+    xml.of("dcc:result", |xml| {
+        name(xml, &what);
+        xml.of("dcc:data", |xml| {
+            real(xml, "Turns", f64::from(scale.used), ONE);
+            real(xml, "Turns left out", f64::from(left_out), ONE);
+            if let Some(deg) = scale.scale_residual_deg {
+                real(xml, "Left at the end of a turn, rms", deg, "\\degree");
+            }
+        });
+    });
+}
+
 /// The results of the certificate: range, coefficients, and what is left at each dwell.
 pub fn results(xml: &mut Xml, thermal: &Thermal) {
     xml.of("dcc:result", |xml| {
@@ -249,5 +291,8 @@ pub fn results(xml: &mut Xml, thermal: &Thermal) {
     });
     if let Some(bias) = &thermal.gyroscope_bias {
         bias_result(xml, bias);
+    }
+    if let Some(scale) = &thermal.gyroscope_scale {
+        scale_result(xml, scale);
     }
 }

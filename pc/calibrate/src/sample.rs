@@ -142,6 +142,7 @@ fn thermal() -> Thermal {
             dwell(2, "down", 25.0, -0.2),
         ],
         gyroscope_bias: None,
+        gyroscope_scale: None,
     }
 }
 

@@ -9,7 +9,7 @@ pub mod chart;
 pub mod check;
 pub mod hex;
 pub mod html;
-mod json;
+pub mod json;
 mod plural;
 mod printable;
 pub mod progress;

@@ -66,6 +66,7 @@ fn measured(runs: u32, mut more: impl FnMut(u32, usize, [f64; 3]) -> [f64; 3]) -
             minutes: 40.0,
             repeated: 0,
             orientations: POSES.iter().map(felt).collect(),
+            turns: Vec::new(),
         });
     }
     measured

@@ -15,17 +15,18 @@ use serde::{Deserialize, Serialize};
 use super::model::Model;
 use super::profile::Profile;
 use super::thermal::MeanReading;
+use super::turns::Followed;
 use crate::CalibrateError;
 use crate::folder::MEASURED;
 use crate::kept::put;
 use crate::session::Node;
-use output::hex;
+use output::{hex, json};
 
 /// Name of the format.
 const FORMAT: &str = "plumb-measured-temperatures";
 
-/// Its version.
-const VERSION: u32 = 1;
+/// Its version; 1 had no turns.
+const VERSION: u32 = 2;
 
 /// What a run was begun with: another one cannot go on from it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -82,6 +83,10 @@ pub struct Dwelt {
     pub repeated: u32,
     /// By orientation what each channel felt, A first.
     pub orientations: Vec<Vec<Felt>>,
+    /// By turn between two rests what each channel's gyroscope measured; empty where none is
+    /// followed, or nothing is turned.
+    #[serde(default)]
+    pub turns: Vec<Vec<Followed>>,
 }
 
 /// The file.
@@ -89,7 +94,7 @@ pub struct Dwelt {
 pub struct Measured {
     /// "plumb-measured-temperatures".
     pub format: String,
-    /// 1.
+    /// 2.
     pub version: u32,
     /// SHA-256 of the file as it is with nothing between these quotes; empty but in the file.
     pub sha256: String,
@@ -137,6 +142,24 @@ impl Begun {
     }
 }
 
+impl Dwelt {
+    /// Whether it has finite numbers of each of so many channels.
+    fn is_sound(&self, channels: usize) -> bool {
+        let mut orientations = self.orientations.iter();
+        let mut turns = self.turns.iter();
+        orientations.all(|all| all.len() == channels && all.iter().all(Felt::is_finite))
+            && turns.all(|all| all.len() == channels && all.iter().all(Followed::is_finite))
+    }
+}
+
+impl Felt {
+    fn is_finite(&self) -> bool {
+        let numbers = self.accel_g.iter();
+        let mut numbers = numbers.chain([&self.scatter_mg, &self.sensor_degc]);
+        numbers.all(|number| number.is_finite())
+    }
+}
+
 /// What every version of the file begins with.
 #[derive(Deserialize)]
 struct Tagged {
@@ -176,10 +199,10 @@ impl Measured {
     /// Errors: [`CalibrateError::File`].
     pub fn save(&self, folder: &Path) -> Result<(), CalibrateError> {
         let path = Self::path(folder);
-        let text = serde_json::to_string_pretty(self);
+        let text = json::to_lines(self);
         let text = text.map_err(|error| CalibrateError::File(path.clone(), error.into()))?;
         fs::create_dir_all(folder).map_err(CalibrateError::file(&path))?;
-        put(&path, &sealed(&(text + "\n"), ""))
+        put(&path, &sealed(&text, ""))
     }
 
     /// The run in a folder, to go on from with what `begun` says.
@@ -205,6 +228,8 @@ impl Measured {
         let whole = measured.filter(|run| sealed(&text, &run.sha256) == text && run.is_sound());
         let mut measured = whole.ok_or_else(|| CalibrateError::Damaged(path.clone()))?;
         measured.sha256.clear();
+        // Dwells of version 1 stay without turns, and those that follow have them.
+        measured.version = VERSION;
         match measured.begun.differs(begun) {
             Some(what) => Err(CalibrateError::Another(path, what)),
             None => Ok(measured),
@@ -212,30 +237,20 @@ impl Measured {
     }
 
     /// Whether the file says what a run writes: its dwells are the first of the profile, each with
-    /// finite readings of every channel in every orientation.
+    /// finite readings of every channel in every orientation, and of every turn.
     fn is_sound(&self) -> bool {
         let places: Vec<_> = self.begun.profile.places().collect();
         let channels = self.begun.channels.len();
-        let felt = |felt: &Felt| {
-            let numbers = felt
-                .accel_g
-                .iter()
-                .chain([&felt.scatter_mg, &felt.sensor_degc]);
-            numbers.into_iter().all(|number| number.is_finite())
-        };
-        let dwelt = |(dwelt, place): (&Dwelt, &(u32, usize))| {
+        let whole = |(dwelt, place): (&Dwelt, &(u32, usize))| {
             (dwelt.run, dwelt.step) == *place
                 && dwelt.orientations.len() == self.begun.model.orientations()
-                && dwelt
-                    .orientations
-                    .iter()
-                    .all(|all| all.len() == channels && all.iter().all(felt))
+                && dwelt.is_sound(channels)
         };
         self.format == FORMAT
-            && self.version == VERSION
+            && (1..=VERSION).contains(&self.version)
             && self.begun.profile.check(self.begun.model).is_ok()
             && self.dwells.len() <= places.len()
-            && self.dwells.iter().zip(&places).all(dwelt)
+            && self.dwells.iter().zip(&places).all(whole)
     }
 
     /// Run and number of the dwells that are missing, in their order.
@@ -271,6 +286,7 @@ impl Measured {
 #[cfg(test)]
 mod tests {
     use super::super::profile::Step;
+    use super::super::turns::Turned;
     use super::*;
     use crate::sample::assert_documented;
 
@@ -309,6 +325,28 @@ mod tests {
             minutes: 41.5,
             repeated: 0,
             orientations: vec![vec![felt]],
+            turns: Vec::new(),
+        }
+    }
+
+    /// A dwell with a turn that was followed and one that was not.
+    fn turned(run: u32, step: usize) -> Dwelt {
+        let turned = Turned {
+            before_g: [0.0, 0.0, 1.0],
+            after_g: [0.0, 1.0, 0.1],
+            turn_degc: 20.5,
+            duration_s: 3.5,
+            way_rad: 1.5,
+            frame: [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]],
+            by_gain_rad: [[[0.25, 0.0, -0.5]; 3]; 3],
+        };
+        let left_out = "the gyroscope gives no samples".to_owned();
+        Dwelt {
+            turns: vec![
+                vec![Followed::Turned(turned)],
+                vec![Followed::LeftOut { left_out }],
+            ],
+            ..dwelt(run, step)
         }
     }
 
@@ -317,7 +355,7 @@ mod tests {
         let scratch = tempfile::tempdir().unwrap();
         let mut run = Measured::new(begun(), 5);
         assert_eq!(run.missing().len(), 6);
-        run.dwells = vec![dwelt(1, 0), dwelt(1, 1), dwelt(1, 2), dwelt(2, 0)];
+        run.dwells = vec![dwelt(1, 0), turned(1, 1), dwelt(1, 2), dwelt(2, 0)];
         run.save(scratch.path()).unwrap();
         let again = Measured::resume(scratch.path(), &begun()).unwrap();
         assert_eq!(again, run);
@@ -361,7 +399,7 @@ mod tests {
     #[test]
     fn every_key_of_the_file_is_documented() {
         let mut run = Measured::new(begun(), 5);
-        run.dwells.push(dwelt(1, 0));
+        run.dwells.push(turned(1, 0));
         let page = include_str!("../../../../docs/chamber.md");
         assert_documented(&run, page, "## measured.json");
     }
@@ -383,11 +421,18 @@ mod tests {
             run
         };
         assert!(!refused(&with(&|_| ())));
-        with(&|run| run.version = 2).save(scratch.path()).unwrap();
+        let newer = with(&|run| run.version = VERSION + 1);
+        newer.save(scratch.path()).unwrap();
         let told = Measured::resume(scratch.path(), &begun());
         assert!(matches!(told, Err(CalibrateError::Newer(_))));
         assert!(refused(&with(&|run| run.dwells[0].step = 1)));
+        assert!(refused(&with(&|run| run.version = 0)));
         assert!(refused(&with(&|run| run.dwells[0].orientations.clear())));
+        assert!(!refused(&with(&|run| run.dwells = vec![turned(1, 0)])));
+        assert!(refused(&with(&|run| {
+            run.dwells = vec![turned(1, 0)];
+            run.dwells[0].turns[1].clear();
+        })));
         assert!(refused(&with(&|run| run.dwells[0].orientations[0].clear())));
         assert!(refused(&with(&|run| run.dwells = vec![dwelt(1, 0); 7])));
         let path = Measured::path(scratch.path());
@@ -416,6 +461,25 @@ mod tests {
             );
         }
         fs::write(&path, text).unwrap();
+        assert_eq!(Measured::resume(scratch.path(), &begun()).unwrap(), run);
+    }
+
+    #[test]
+    fn a_run_of_version_1_goes_on_without_turns_for_what_it_has() {
+        let scratch = tempfile::tempdir().unwrap();
+        let mut old = Measured::new(begun(), 5);
+        (old.version, old.dwells) = (1, vec![dwelt(1, 0)]);
+        let text = json::to_lines(&old).unwrap();
+        let text = text.replace(", \"turns\": []", "");
+        assert!(!text.contains("turns"), "{text}");
+        fs::write(Measured::path(scratch.path()), sealed(&text, "")).unwrap();
+        let mut run = Measured::resume(scratch.path(), &begun()).unwrap();
+        assert_eq!(
+            (run.version, run.dwells.as_slice()),
+            (VERSION, &[dwelt(1, 0)][..])
+        );
+        run.dwells.push(turned(1, 1));
+        run.save(scratch.path()).unwrap();
         assert_eq!(Measured::resume(scratch.path(), &begun()).unwrap(), run);
     }
 

@@ -18,7 +18,10 @@ mod model;
 pub mod profile;
 mod report;
 mod run;
+mod scale;
+mod stands;
 mod thermal;
+mod turns;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -248,6 +251,7 @@ impl Work<'_> {
             turner,
             tell: self.tell,
             left: Left::new(&profile, &task, measured.dwells.len()),
+            tilts: true,
         };
         let place = self.folder.own();
         let ran = bench.run(&mut measured, &|measured| measured.save(place));
@@ -366,6 +370,7 @@ fn figures(channel: &Channel) -> String {
         thermal.without_model_mg,
         channel.expanded_uncertainty_deg
     ) + &bias(channel)
+        + &scale(channel)
 }
 
 /// A line about its gyroscope.
@@ -376,7 +381,7 @@ fn bias(channel: &Channel) -> String {
     };
     let letter = &channel.channel;
     match &bias.refused {
-        Some(refused) => format!("gyroscope {letter}: as it was: {refused}\n"),
+        Some(refused) => format!("gyroscope {letter}: bias as it was: {refused}\n"),
         None => format!(
             "gyroscope {letter}: bias over temperature from {} rests, {} left out; {:.3} deg/s rms \
              left at a rest\n",
@@ -385,4 +390,27 @@ fn bias(channel: &Channel) -> String {
             bias.bias_residual_deg_s.unwrap_or_default()
         ),
     }
+}
+
+/// A line about its scale over temperature.
+fn scale(channel: &Channel) -> String {
+    let thermal = channel.thermal.as_ref();
+    let Some(scale) = thermal.and_then(|thermal| thermal.gyroscope_scale.as_ref()) else {
+        return String::new();
+    };
+    let letter = &channel.channel;
+    if let Some(refused) = &scale.refused {
+        return format!("gyroscope {letter}: scale as it was: {refused}\n");
+    }
+    let left_out: u32 = scale.left_out.iter().map(|left| left.turns).sum();
+    let open = match &scale.open_axes[..] {
+        [] => String::new(),
+        open => format!("; axis {} was not turned", open.join(", ")),
+    };
+    format!(
+        "gyroscope {letter}: scale over temperature from {} turns, {left_out} left out; {:.3} deg \
+         rms left at the end of a turn{open}\n",
+        scale.used,
+        scale.scale_residual_deg.unwrap_or_default()
+    )
 }

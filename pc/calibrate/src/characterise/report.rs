@@ -7,6 +7,7 @@
 //! Left out: the fit itself (`thermal`), and the report's forms (`crate`).
 
 use tilt::ONE_G;
+use tilt::calibration::FitError;
 use tilt::chain::Calibration;
 use tilt::sample::Temperature;
 use tilt::temperature::{KNOTS, Piecewise, Quadratic, TemperatureModel};
@@ -17,12 +18,13 @@ use super::measured::{Dwelt, Measured};
 use super::model::Model;
 use super::profile::Branch;
 use super::run::READINGS;
+use super::scale::{self, scale, with_slopes};
 use super::thermal::{Fitted, MeanReading, between_runs, fit, hysteresis, rms, with_model};
 use crate::CalibrateError;
 use crate::compose::{Frame, judge};
 use crate::data::{
-    Channel, Coefficient, Contribution, GyroscopeBias, Method, Reference, Report, Thermal,
-    ThermalDwell,
+    Channel, Coefficient, Contribution, GyroscopeBias, GyroscopeScale, Method, Reference, Report,
+    Thermal, ThermalDwell, TurnsLeftOut,
 };
 use crate::fit::temperature;
 use crate::gyroscope;
@@ -33,6 +35,9 @@ const THERMOMETER_C: f64 = 0.289;
 
 /// A model never counts as better than this, mg: the 1/f floor of the sensor. `[ASSUME]`
 const FLOOR_MG: f64 = 0.04;
+
+/// Standard uncertainty of the vertical but for what the model leaves, deg. `[ASSUME]`
+const VERTICAL_DEG: f64 = 0.02;
 
 /// What a node is to get.
 #[derive(Clone, Debug)]
@@ -47,6 +52,16 @@ pub struct Made {
     unchanged_c: Option<f64>,
     /// The bias of its gyroscope, or why it stays; none where there is no gyroscope.
     bias: Option<Result<Found, NoBias>>,
+    /// What has come of the turns for its scale; none where no turn was followed.
+    scale: Option<scale::Outcome>,
+}
+
+#[cfg(test)]
+impl Made {
+    /// The slopes of its gyroscope's scale.
+    pub fn scale_found(&self) -> Option<scale::Found> {
+        self.scale.as_ref()?.found.clone().ok()
+    }
 }
 
 /// The calibration of each node with its model in it.
@@ -72,15 +87,39 @@ pub fn make(measured: &Measured, nodes: &[Node]) -> Result<Vec<Made>, CalibrateE
         if let Some(Ok(found)) = &bias {
             calibration.rates = Some(found.rates);
         }
+        let scale = put_scale(&mut calibration, before, measured, place);
         Ok(Made {
             calibration,
             fitted,
             mean_readings,
             unchanged_c: bare.then(|| f64::from(at.0) / 256.0),
             bias,
+            scale,
         })
     };
     nodes.iter().enumerate().map(made).collect()
+}
+
+/// Puts the slopes of the gyroscope's scale into a calibration that has the model of this run, and
+/// tells what has come of the turns.
+fn put_scale(
+    calibration: &mut Calibration,
+    before: &Calibration,
+    measured: &Measured,
+    place: usize,
+) -> Option<scale::Outcome> {
+    let left_mg = f64::from(calibration.budget.hysteresis) / f64::from(ONE_G) * 1000.0;
+    let vertical_deg = angle_deg(left_mg).hypot(VERTICAL_DEG);
+    let rates = before.rates.as_ref();
+    let mut outcome = scale(measured, place, calibration, rates, vertical_deg)?;
+    if let (Ok(found), Some(rates)) = (&outcome.found, calibration.rates) {
+        // The gains were found where the accelerometer's correction was.
+        match with_slopes(&rates, found.slopes, before.budget.fitted_at) {
+            Some(rates) => calibration.rates = Some(rates),
+            None => outcome.found = Err(scale::NoScale::Fit(FitError::Implausible)),
+        }
+    }
+    Some(outcome)
 }
 
 /// The middle of the temperatures at which a calibration was made.
@@ -206,6 +245,13 @@ fn figures(channel: &mut Channel, measured: &Measured, made: &Made) {
     if let (Some(Ok(bias)), Some(all)) = (&made.bias, &mut channel.gyroscope) {
         gyroscope::put_bias_uncertainty(all, &bias.uncertainty);
     }
+    let slopes = made
+        .scale
+        .as_ref()
+        .and_then(|scale| scale.found.as_ref().ok());
+    if let (Some(found), Some(all)) = (slopes, &mut channel.gyroscope) {
+        gyroscope::put_slope_uncertainty(all, found.uncertainty);
+    }
     let [low, high] = fitted.span_c;
     channel.thermal = Some(Thermal {
         model: measured.begun.model.name().to_owned(),
@@ -222,6 +268,7 @@ fn figures(channel: &mut Channel, measured: &Measured, made: &Made) {
             .map(|dwelt| dwell(dwelt, measured, made))
             .collect(),
         gyroscope_bias: made.bias.as_ref().map(gyroscope_bias),
+        gyroscope_scale: made.scale.as_ref().map(gyroscope_scale),
     });
 }
 
@@ -234,6 +281,23 @@ fn gyroscope_bias(bias: &Result<Found, NoBias>) -> GyroscopeBias {
         bias_hysteresis_deg_s: found.and_then(|found| found.hysteresis_deg_s),
         bias_between_runs_deg_s: found.and_then(|found| found.between_runs_deg_s),
         refused: bias.as_ref().err().map(ToString::to_string),
+    }
+}
+
+fn gyroscope_scale(outcome: &scale::Outcome) -> GyroscopeScale {
+    let found = outcome.found.as_ref();
+    let open = found.map_or([false; 3], |found| found.open);
+    let open_axes = AXES.iter().zip(open).filter(|(_, open)| *open);
+    let left_out = outcome.left_out.iter().map(|(why, turns)| TurnsLeftOut {
+        why: why.clone(),
+        turns: *turns as u32,
+    });
+    GyroscopeScale {
+        used: outcome.used as u32,
+        left_out: left_out.collect(),
+        scale_residual_deg: found.ok().map(|found| found.residual_deg),
+        open_axes: open_axes.map(|(axis, _)| (*axis).to_owned()).collect(),
+        refused: found.err().map(ToString::to_string),
     }
 }
 

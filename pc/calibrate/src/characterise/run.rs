@@ -5,7 +5,8 @@
 //! at any speed. A node that restarts or is commanded by somebody else spoils the dwell under way,
 //! which then begins anew; one that stays silent ends the run.
 //!
-//! Left out: when a dwell is over (`hold`), and what follows from the readings (`thermal`).
+//! Left out: when a dwell is over (`hold`), the motor's way through it (`stands`), and what follows
+//! from the readings (`thermal`, `bias`, `scale`).
 
 use std::time::Duration;
 
@@ -17,13 +18,15 @@ use super::left::Left;
 use super::measured::{Dwelt, Felt, Measured};
 use super::model::Model;
 use super::profile::{Profile, Step};
+use super::stands::{Stands, Stood};
 use super::thermal::alike;
+use super::turns::{Followed, followed};
 use crate::CalibrateError;
 use crate::by_hand;
-use crate::by_motor::{Kind, level, still, turn};
+use crate::by_motor::{Kind, still};
 use crate::console::{Console, GLANCE};
 use crate::hand::{NEAR_DEG, POSES, angle_deg};
-use crate::motor::{Axis, Motor};
+use crate::motor::Motor;
 use crate::reading::Reading;
 use crate::session::Session;
 
@@ -39,19 +42,6 @@ const REPEATS: u32 = 3;
 
 /// How long a silent node is waited for.
 const BACK: Duration = Duration::from_secs(10);
-
-/// The angle of a tetrahedron's edge to the plane that halves it, deg.
-const EDGE_DEG: f64 = 54.7356;
-
-/// Four orientations of a motor that turns one of its two axes at a time: the corners of a regular
-/// tetrahedron, in which each axis of the housing has the same variance of gravity's share, a third
-/// of a g^2, and the mean of all is nothing. No four orientations tell offset from gain any better.
-const BY_MOTOR: [(Axis, f64); 4] = [
-    (Axis::X, 180.0 - EDGE_DEG),
-    (Axis::X, EDGE_DEG - 180.0),
-    (Axis::Y, EDGE_DEG),
-    (Axis::Y, -EDGE_DEG),
-];
 
 /// Four of the poses by hand, on sides of the housing that a person finds in a cold chamber: base,
 /// upside down, X up, Y up.
@@ -79,6 +69,14 @@ pub struct Bench<'a> {
     pub tell: &'a dyn Fn(&str),
     /// How much of the run is left.
     pub left: Left<'a>,
+    /// Whether the motor turns an axis while the other one is tilted, as far as is known.
+    pub tilts: bool,
+}
+
+/// What the readings of a dwell have given: by orientation, and by turn.
+struct Taken {
+    orientations: Vec<Vec<Felt>>,
+    turns: Vec<Vec<Followed>>,
 }
 
 /// A dwell that was held: how long it took, and the air at its end.
@@ -177,15 +175,15 @@ impl Bench<'_> {
             let sensors: Vec<f64> = sensors.map(|felt| felt.sensor_degc).collect();
             (profile.steps[first.step].temperature_degc, sensors)
         });
-        let ((held, orientations), repeated) = self.again_and_again(&this, |bench| {
+        let ((held, taken), repeated) = self.again_and_again(&this, |bench| {
             let held = bench.hold(&this)?;
             if let Some((set, sensors)) = &first {
                 let now = (this.temperature_degc, &held.sensors_degc[..]);
                 follows(&bench.ids(), (*set, sensors), now)?;
             }
-            let orientations = bench.orientations(model, this.temperature_degc)?;
+            let taken = bench.taken(model, this.temperature_degc)?;
             bench.session.confirm()?;
-            Ok((held, orientations))
+            Ok((held, taken))
         })?;
         Ok(Dwelt {
             run,
@@ -193,7 +191,8 @@ impl Bench<'_> {
             air_degc: held.air_degc,
             minutes: held.minutes,
             repeated,
-            orientations,
+            orientations: taken.orientations,
+            turns: taken.turns,
         })
     }
 
@@ -266,40 +265,44 @@ impl Bench<'_> {
         Ok(set?)
     }
 
-    /// The readings of a dwell, by orientation; gyroscopes are followed meanwhile.
-    fn orientations(&mut self, model: Model, degc: f64) -> Result<Vec<Vec<Felt>>, CalibrateError> {
-        self.session.begin_to_follow()?;
-        let felt = self.turned_about(model, degc);
-        self.session.end_to_follow();
-        felt
+    /// The readings of a dwell; gyroscopes are followed meanwhile.
+    fn taken(&mut self, model: Model, degc: f64) -> Result<Taken, CalibrateError> {
+        let follows = self.session.begin_to_follow()?;
+        let stood = self.turned_about(degc, follows);
+        let logs = self.session.end_to_follow();
+        let Stood { readings, rests } = stood?;
+        debug_assert_eq!(readings.len(), model.orientations());
+        Ok(Taken {
+            orientations: readings
+                .iter()
+                .map(|all| all.iter().map(felt).collect())
+                .collect(),
+            turns: followed(&self.session.nodes, &logs, &rests),
+        })
     }
 
-    fn turned_about(&mut self, model: Model, degc: f64) -> Result<Vec<Vec<Felt>>, CalibrateError> {
+    fn turned_about(&mut self, degc: f64, followed: bool) -> Result<Stood, CalibrateError> {
         let settle_s = Kind::of(self.session)?.settle_s();
         let Self {
             session,
             turner,
             tell,
+            tilts,
             ..
         } = self;
-        let readings = match turner {
-            Turner::Nothing => {
-                let at = format!("at {degc} degC");
-                let readings = still(session, settle_s, READINGS, &at)?;
-                let tilted = |r: &Reading| angle_deg(r.accel, [0.0, 0.0, 1.0]) > NEAR_DEG;
-                if let Some(place) = readings.iter().position(tilted) {
-                    return Err(CalibrateError::Tilted(session.nodes[place].id));
-                }
-                vec![readings]
+        match turner {
+            Turner::Nothing => level(session, settle_s, degc),
+            Turner::Motor(motor) => Stands {
+                session,
+                motor: *motor,
+                settle_s,
+                followed,
+                tilts,
+                tell: *tell,
             }
-            Turner::Motor(motor) => by_motor(session, *motor, settle_s)?,
-            Turner::Hand(console) => by_person(session, console, *tell, degc)?,
-        };
-        debug_assert_eq!(readings.len(), model.orientations());
-        Ok(readings
-            .iter()
-            .map(|all| all.iter().map(felt).collect())
-            .collect())
+            .go(),
+            Turner::Hand(console) => by_person(session, console, *tell, degc),
+        }
     }
 
     /// Whether the first dwell's orientations tell offset from gain, before days are spent on them.
@@ -325,23 +328,19 @@ fn felt(reading: &Reading) -> Felt {
     }
 }
 
-fn by_motor(
-    session: &mut Session,
-    motor: &mut dyn Motor,
-    settle_s: f64,
-) -> Result<Vec<Vec<Reading>>, CalibrateError> {
-    level(session, motor, &[Axis::X, Axis::Y])?;
-    let mut all = Vec::new();
-    for (axis, deg) in BY_MOTOR {
-        turn(session, motor, axis, deg)?;
-        let at = format!("at slope {} of {deg:.1} deg", axis.letter());
-        all.push(still(session, settle_s, READINGS, &at)?);
-        // Back to its stop: one axis rests while the other is turned.
-        if deg == BY_MOTOR[1].1 || deg == BY_MOTOR[3].1 {
-            turn(session, motor, axis, 0.0)?;
-        }
+/// A housing that nothing turns.
+///
+/// Errors: those of the nodes, and [`CalibrateError::Tilted`].
+fn level(session: &mut Session, settle_s: f64, degc: f64) -> Result<Stood, CalibrateError> {
+    let readings = still(session, settle_s, READINGS, &format!("at {degc} degC"))?;
+    let tilted = |r: &Reading| angle_deg(r.accel, [0.0, 0.0, 1.0]) > NEAR_DEG;
+    if let Some(place) = readings.iter().position(tilted) {
+        return Err(CalibrateError::Tilted(session.nodes[place].id));
     }
-    Ok(all)
+    Ok(Stood {
+        readings: vec![readings],
+        rests: Vec::new(),
+    })
 }
 
 fn by_person(
@@ -349,8 +348,8 @@ fn by_person(
     console: &Console,
     tell: &dyn Fn(&str),
     degc: f64,
-) -> Result<Vec<Vec<Reading>>, CalibrateError> {
-    let mut all: Vec<Vec<Reading>> = Vec::new();
+) -> Result<Stood, CalibrateError> {
+    let mut stood = Stood::default();
     for (number, place) in BY_HAND.into_iter().enumerate() {
         let words = POSES[place].words;
         let what = format!("at {degc} degC, {} of 4: {words}", number + 1);
@@ -360,10 +359,11 @@ fn by_person(
             tell,
             rests: Vec::new(),
         };
-        let before = all.last().cloned();
+        let before = stood.readings.last().cloned();
         let taken = bench.pose(place, &what, before.as_deref())?;
+        stood.rests.append(&mut bench.rests);
         let ended = || CalibrateError::Ended(words.to_owned());
-        all.push(taken.ok_or_else(ended)?);
+        stood.readings.push(taken.ok_or_else(ended)?);
     }
-    Ok(all)
+    Ok(stood)
 }
