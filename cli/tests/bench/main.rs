@@ -2,7 +2,9 @@
 //! the nodes of `plumb serve`.
 
 mod calibrate;
+mod careful_motor;
 mod characterise;
+mod parts;
 #[path = "../program/mod.rs"]
 mod program;
 mod stand;

@@ -18,8 +18,8 @@
 //! correction it would take part in the angle. Its gains come first (`plumb calibrate`), which
 //! keeps slopes of the bias that a later chamber run gives.
 //!
-//! Left out: scale over temperature, for which the housing would have to be turned in the chamber;
-//! what acceleration does to the bias where the profile has one orientation (`piecewise`).
+//! Left out: scale over temperature (`scale`); what acceleration does to the bias where the profile
+//! has one orientation (`piecewise`).
 
 use tilt::calibration::FitError;
 use tilt::calibration::gyroscope::{BiasFit, EARTH_RATE, FittedBias};

@@ -343,7 +343,7 @@ mod tests {
         let left_out = "the gyroscope gives no samples".to_owned();
         Dwelt {
             turns: vec![
-                vec![Followed::Turned(turned)],
+                vec![Followed::Turned(Box::new(turned))],
                 vec![Followed::LeftOut { left_out }],
             ],
             ..dwelt(run, step)

@@ -18,7 +18,7 @@ use super::left::Left;
 use super::measured::{Dwelt, Felt, Measured};
 use super::model::Model;
 use super::profile::{Profile, Step};
-use super::stands::{Stands, Stood};
+use super::stands::{READINGS, Stands, Stood};
 use super::thermal::alike;
 use super::turns::{Followed, followed};
 use crate::CalibrateError;
@@ -29,9 +29,6 @@ use crate::hand::{NEAR_DEG, POSES, angle_deg};
 use crate::motor::Motor;
 use crate::reading::Reading;
 use crate::session::Session;
-
-/// Readings of an orientation.
-pub const READINGS: u32 = 20;
 
 /// Looks at chamber and nodes in a dwell, and bounds of the time between two of them, s.
 const LOOKS: f64 = 40.0;

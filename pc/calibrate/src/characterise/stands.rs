@@ -9,7 +9,6 @@
 //!
 //! Left out: a person's turns (`run`), and what follows from them (`turns`, `scale`).
 
-use super::run::READINGS;
 use crate::CalibrateError;
 use crate::by_motor::{level, still, turn};
 use crate::gains::Rest;
@@ -18,6 +17,9 @@ use crate::reading::Reading;
 use crate::scpi::DeviceError;
 use crate::session::Session;
 use crate::turns::rests;
+
+/// Readings of an orientation.
+pub const READINGS: u32 = 20;
 
 /// The angle of a tetrahedron's edge to the plane that halves it, deg.
 const EDGE_DEG: f64 = 54.7356;

@@ -25,7 +25,7 @@ const PARTS: f64 = 1e9;
 #[serde(untagged)]
 pub enum Followed {
     /// It was followed.
-    Turned(Turned),
+    Turned(Box<Turned>),
     /// It was not.
     LeftOut {
         /// Why.
@@ -65,12 +65,12 @@ pub fn followed(nodes: &[Node], logs: &[Log], rests: &[Vec<Rest>]) -> Vec<Vec<Fo
         let one = |((node, log), (from, to)): ((&Node, &Log), (&Rest, &Rest))| {
             let gains = gains(node.calibration.rates.as_ref());
             let turned = Turned::new(log, node.period_s, gains, from, to);
-            turned.map_or_else(
-                |bad| Followed::LeftOut {
+            match turned {
+                Ok(turned) => Followed::Turned(Box::new(turned)),
+                Err(bad) => Followed::LeftOut {
                     left_out: bad.to_string(),
                 },
-                Followed::Turned,
-            )
+            }
         };
         channels.map(one).collect()
     };
