@@ -204,15 +204,13 @@ struct Sensor<'a> {
 impl Sensor<'_> {
     /// The turn from one rest to the next.
     fn path(&self, from: &Rest, to: &Rest) -> Result<Path, BadTurn> {
-        let upright =
-            |Reading {
-                 accel,
-                 temperature_c,
-                 ..
-             }: &Reading| { upright(self.calibration, *accel, *temperature_c) };
+        let upright = |rest: &Rest| {
+            let reading = &rest.reading;
+            upright(self.calibration, reading.accel, reading.temperature_c)
+        };
         Ok(Path {
-            before: upright(&from.reading),
-            after: upright(&to.reading),
+            before: upright(from),
+            after: upright(to),
             rotations: way(self.log, self.period_s, from, to)?,
             checks: to.checks,
         })

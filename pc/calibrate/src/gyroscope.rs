@@ -279,6 +279,7 @@ pub fn turns_result(xml: &mut Xml, turns: &Turns) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::data::{GyroscopeScale, TurnsLeftOut};
     use crate::{dcc, page as whole_page, sample};
 
     fn value(all: &[Coefficient], name: &str, axis: &str) -> (f64, String) {
@@ -325,5 +326,61 @@ mod tests {
         assert_eq!(certificate.matches(called).count(), 1);
         let (page, certificate) = told(&without);
         assert!(!page.contains("yroscope") && !certificate.contains("yroscope"));
+    }
+
+    #[test]
+    fn page_and_certificate_state_what_has_come_of_the_turns_in_a_chamber() {
+        let mut report = sample::chamber();
+        let mut all = of(&sample::rates());
+        put_slope_uncertainty(&mut all, [1e-5, 2e-5, 1e-4]);
+        let slopes = all.iter().filter(|c| c.name == SCALE_SLOPE);
+        let expanded: Vec<f64> = slopes.map(|c| c.expanded.unwrap()).collect();
+        for (found, expected) in expanded.iter().zip([0.002, 0.004, 0.02]) {
+            assert!((found - expected).abs() < 1e-12, "{found}");
+        }
+        assert_eq!(all.iter().filter(|c| c.expanded.is_some()).count(), 3);
+        report.channels[0].gyroscope = Some(all);
+        let scale = GyroscopeScale {
+            used: 45,
+            left_out: vec![TurnsLeftOut {
+                why: "nobody looked".to_owned(),
+                turns: 20,
+            }],
+            scale_residual_deg: Some(0.031),
+            open_axes: vec!["z".to_owned()],
+            refused: None,
+        };
+        let thermal = |place: usize, report: &mut Report, scale| {
+            let thermal = report.channels[place].thermal.as_mut();
+            thermal.unwrap().gyroscope_scale = Some(scale);
+        };
+        thermal(0, &mut report, scale.clone());
+        let none = GyroscopeScale {
+            scale_residual_deg: None,
+            refused: Some("nobody knows".to_owned()),
+            ..scale
+        };
+        thermal(1, &mut report, none);
+        let page = whole_page::page(&report);
+        output::check::assert_balanced(&page);
+        for what in [
+            "slopes from 45 turns",
+            "20: nobody looked",
+            "0.031 deg",
+            "slopes as before",
+            "as it was: nobody knows",
+            "of the scale&#39;s slope",
+        ] {
+            assert!(page.contains(what), "{what}");
+        }
+        let certificate = dcc::document(&report, "IT");
+        for what in [
+            "Scale of the gyroscope over temperature",
+            "whose slopes are as they were found: nobody knows",
+            "Left at the end of a turn, rms",
+            "Scale, slope, axis z, in %/degC",
+        ] {
+            assert!(certificate.contains(what), "{what}");
+        }
     }
 }

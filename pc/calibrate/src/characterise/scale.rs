@@ -174,7 +174,7 @@ pub fn with_slopes(
     at: Temperature,
 ) -> Option<RateCorrection> {
     let before = rates.real();
-    let d = f64::from(at.0 - Temperature::REFERENCE.0) / 256.0;
+    let d = (f64::from(at.0) - f64::from(Temperature::REFERENCE.0)) / 256.0;
     let share = [0, 1, 2].map(|axis| (1.0 + before.scale1[axis] * d) / (1.0 + slopes[axis] * d));
     RateCorrection::from_real(&RealRateCorrection {
         matrix: before

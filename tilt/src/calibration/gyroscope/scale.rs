@@ -87,7 +87,7 @@ impl ScaleFit {
 
     /// Adds a turn, with the mean temperature of the rests before and after it.
     pub fn add(&mut self, turn: &Turn, temperature: Temperature) {
-        let d = f64::from(temperature.0 - Temperature::REFERENCE.0) / 256.0;
+        let d = (f64::from(temperature.0) - f64::from(Temperature::REFERENCE.0)) / 256.0;
         let weight = self.accuracy.weight(turn);
         for (row, &value) in turn.rows.iter().zip(&turn.values) {
             let (row, value) = self.equation(*row, value, d);
