@@ -51,9 +51,9 @@ pub fn responses(seed: u64, degc: f64) -> [Response; 2] {
 
 /// By 2 degC/s: a node does not believe a jump.
 fn heat(instrument: &mut Instrument, degc: f64) {
-    let mut now = 25.0;
+    let mut now = 25.0_f64;
     while now != degc {
-        now += (degc - now as f64).clamp(-0.002, 0.002);
+        now += (degc - now).clamp(-0.002, 0.002);
         instrument.set_die_temperature(now);
         instrument.tick(&motion([0.0; 3]));
     }
