@@ -231,6 +231,27 @@ fn times_backwards_and_frames_of_other_kinds_were_no_reason_for_status_2() {
 }
 
 #[test]
+fn frames_from_before_a_clock_was_set_were_neither_in_the_period_nor_counted() {
+    let folder = Folder::new();
+    let text = rounds(100, 20, "can0") + &rounds(1_700_000_000, 50, "can0");
+    let log = folder.file("boot.log", text);
+    let report = json(&[&log]);
+    let bus = |field: &str| number(&report, &format!("/interfaces/0/{field}"));
+    assert_eq!(number(&report, "/frames"), 350.0);
+    assert_eq!((bus("frames"), bus("undated")), (350.0, 0.0));
+    assert_eq!(bus("other_clock"), 100.0);
+    assert_eq!(bus("first_time_s"), 1_700_000_000.0);
+    let text = plumb(&["replay", &log]).output().unwrap().stdout;
+    let text = String::from_utf8(text).unwrap();
+    assert!(
+        text.contains("100 frames by a clock that was set within the log"),
+        "{text}"
+    );
+    let dated = json(&[&folder.file("a.log", rounds(1_700_000_000, 3, "can0"))]);
+    assert_eq!(number(&dated, "/interfaces/0/other_clock"), 0.0);
+}
+
+#[test]
 fn an_export_was_whole_though_lines_could_not_be_read() {
     let folder = Folder::new();
     let text =

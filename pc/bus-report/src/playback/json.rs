@@ -134,6 +134,9 @@ pub struct InterfaceJson {
     pub malformed: u64,
     /// Frames whose time is no date although most of those before have one; they are left out.
     pub undated: u64,
+    /// Frames with a date where most have none, or the other way round, as before a logger's clock
+    /// is set; they are used, and outside of the first and the last time.
+    pub other_clock: u64,
     /// Frames of other nodes and services.
     pub others: OthersJson,
     /// Times that nothing was seen for more than 2 s, which is taken as a hole in the log.
@@ -369,6 +372,7 @@ fn interface(name: Option<&String>, bus: &Collected) -> InterfaceJson {
         syncs: counts.syncs,
         malformed: counts.malformed,
         undated: bus.undated,
+        other_clock: traffic.by_other_clock(),
         others: others(bus),
         holes: traffic.gaps.count(),
         longest_hole_s: traffic.gaps.longest_ns() as f64 / 1e9,

@@ -138,6 +138,13 @@ fn about_interface(text: &mut String, interface: &InterfaceJson) {
             interface.undated
         );
     }
+    if interface.other_clock > 0 {
+        let _ = writeln!(
+            text,
+            "  {} by a clock that was set within the log, used and outside these times",
+            frames(interface.other_clock)
+        );
+    }
     if interface.holes > 0 {
         let _ = writeln!(
             text,

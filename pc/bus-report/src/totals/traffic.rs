@@ -121,6 +121,12 @@ impl Traffic {
         }
     }
 
+    /// Frames that were taken by another clock than most of them: without a date before a logger's
+    /// clock was set, or with one where fewer have one. [`Traffic::span_ns`] is without them.
+    pub fn by_other_clock(&self) -> u64 {
+        self.dated.count.min(self.undated.count)
+    }
+
     /// Takes a frame; the time of the one before it, ns.
     #[inline]
     pub fn take(&mut self, now_ns: u64, frame: &Frame) -> u64 {
