@@ -44,6 +44,9 @@ pub struct Pair {
     rounds: u64,
     /// Differences of the exchanged angles of the latest SYNCs, the newest first.
     recent: [[Option<i32>; 2]; RECENT],
+    /// SYNCs for which 2024h may still be of one at which a node did not send its angle: it knows
+    /// that angle, and states the difference with it.
+    unsent: usize,
     /// By how much 2024h of each side was off, when it was sent.
     off_mdeg: [Option<u32>; 2],
     /// Since when the exchanged angles are apart although both say that they agree.
@@ -82,6 +85,7 @@ impl Pair {
             ended: None,
             rounds: 0,
             recent: [[None; 2]; RECENT],
+            unsent: 0,
             off_mdeg: [None; 2],
             apart_ns: None,
             at_odds_ns: None,
@@ -190,6 +194,10 @@ impl Pair {
     }
 
     fn remember(&mut self, mdeg: [Option<i32>; 2]) {
+        self.unsent = match mdeg.contains(&None) {
+            true => RECENT,
+            false => self.unsent.saturating_sub(1),
+        };
         self.recent.rotate_right(1);
         self.recent[0] = mdeg;
     }
@@ -240,6 +248,9 @@ impl Pair {
     }
 
     fn find_off(&self, number: usize) -> Option<u32> {
+        if self.unsent > 0 {
+            return None;
+        }
         let sent = self.difference_sent(number)?;
         let axis = self.sides.get(number)?.detail?.difference_axis;
         let recent = self.recent.iter().flat_map(|mdeg| may_be_meant(mdeg, axis));

@@ -192,6 +192,31 @@ fn a_difference_that_is_not_that_of_the_angles_is_counted() {
 }
 
 #[test]
+fn a_difference_with_an_angle_that_its_node_no_longer_sent_did_not_fit() {
+    let mut bus = bus();
+    for _ in 0..4 {
+        bus.round([1000, 2100], [6, 6]);
+    }
+    // Channel B is faulty from here on: its own angle is in its difference, and not on the bus.
+    bus.pass(10);
+    bus.see(0x080, &[]);
+    bus.see(0x181, &slopes(0, 0x3F, 8));
+    bus.see(0x182, &[0, 0x80, 0, 0x80, 0x3C, 7]);
+    bus.see(0x381, &angle(1000));
+    bus.see(0x382, &[0, 0, 0, 0, 0, 0, 0x0D, 0x0D]);
+    bus.see(0x481, &[0, 0, 0, 0, 0, 0x20, 0, 0]);
+    bus.see(0x482, &[0, 0, 0, 0, 0, 0x20, 0, 0]);
+    bus.see(0x282, &detail(1120));
+    assert_eq!(bus.found(1), []);
+    // Four SYNCs later 2024h is of one whose angles were sent.
+    for _ in 0..4 {
+        bus.round([1000, 2100], [6, 6]);
+    }
+    bus.see(0x282, &detail(1120));
+    assert_eq!(bus.found(1), [(Check::Difference, 1)]);
+}
+
+#[test]
 fn a_difference_of_the_smaller_axis_was_taken_for_the_larger_one() {
     let mut bus = bus();
     // X is 0.050 deg apart, Y not at all.
