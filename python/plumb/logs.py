@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import operator
 import os
 import warnings
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import Iterable, Iterator, Union
+from typing import Union
 
 import pyarrow
 
@@ -52,11 +54,19 @@ def node_ids(nodes: Iterable[int]) -> list[int]:
 
     Errors: `Error` where one is none.
     """
-    given = list(nodes)
-    for node in given:
-        if not 1 <= node <= NODES:
-            raise Error(f"{node} is no node-id: give 1 to {NODES}")
-    return given
+    if isinstance(nodes, (str, bytes, bytearray)) or not isinstance(nodes, Iterable):
+        raise Error(f"{nodes!r} is no list of node-ids: write it as [1, 2]")
+    return [_node_id(node) for node in nodes]
+
+
+def _node_id(given: object) -> int:
+    try:
+        node = operator.index(given)  # type: ignore[arg-type]
+    except TypeError:
+        raise Error(f"{given!r} is no node-id: give a whole number of 1 to {NODES}") from None
+    if not 1 <= node <= NODES:
+        raise Error(f"{node} is no node-id: give 1 to {NODES}")
+    return node
 
 
 class Decoded:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import gzip
 import json
 import os
@@ -78,21 +77,6 @@ def test_a_run_that_is_repeated_reads_nothing_and_changes_nothing(
     assert (outcome.read, outcome.skipped, outcome.logs) == (0, 12, 12)
     assert results(out) == before
     assert times == {path: path.stat().st_mtime_ns for path in times}
-
-
-def test_what_was_needed_to_read_logs_was_held_while_days_were_merged(
-    logs: pathlib.Path, tmp_path: pathlib.Path
-) -> None:
-    held: list[int] = []
-
-    def look(stage: str, *_: float) -> None:
-        if stage == "merging":
-            kinds = (filing.Entry, layout.Log)
-            held.append(sum(type(one) in kinds for one in gc.get_objects()))
-
-    gc.collect()
-    run(logs, tmp_path / "out", progress=look)
-    assert held and max(held) == 0
 
 
 def test_an_interrupted_run_is_gone_on_with(logs: pathlib.Path, tmp_path: pathlib.Path) -> None:
@@ -212,9 +196,9 @@ def test_a_log_counts_on_the_day_of_its_path_unless_its_frames_are_of_another(
 
     log = layout.Log("/l/m/x.log", "m", path_day, 1, "1", True)
     read = work.Read("0" * 64, True, 5, ns(first), ns(last))
-    [line], days = filing.file([filing.Entry(log, read)], {}, {}, "key")
-    assert line.day == day and (line.sentence is not None) == is_noted
-    assert list(days) == ([] if day is None else [day])
+    line, part = filing.filed(filing.Entry(log, read), None, None, "key")
+    assert line is not None and line.day == day and (line.sentence is not None) == is_noted
+    assert (None if part is None else part.day) == day
 
 
 def test_what_is_gone_still_counts_and_what_was_moved_counts_once(tmp_path: pathlib.Path) -> None:

@@ -7,21 +7,29 @@ columns.
 
 from __future__ import annotations
 
+import contextlib
 import importlib.resources
 import os
 import pathlib
 import re
+import tempfile
+from collections.abc import Iterator
 from typing import Any
 
 import pyarrow
-import pyarrow.dataset
 
 from .errors import FleetError, first_line
-from .figures import SCHEMA
 from .store import LEDGER, MACHINES, refuse_other_format
 
 QUESTIONS = ("faults", "drift", "histories", "calibration", "restarts", "silent", "standing")
 """The questions that have a file in `queries/`."""
+
+
+LEAN_MB = 64
+"""Memory that DuckDB has for the questions of a page, MB; what is more it keeps in files."""
+
+AT_ONCE = 256
+"""Rows of an answer that are held in memory at once."""
 
 
 def sql(name: str) -> str:
@@ -32,33 +40,74 @@ def sql(name: str) -> str:
 class Figures:
     """The figures in a folder, opened for questions; close it, or use it in a `with`.
 
+    With `lean` they are asked in one thread and little memory, however many there are, and sums are
+    formed in one order.
     Errors: `FleetError` where the folder has none.
     """
 
-    def __init__(self, out: str | os.PathLike[str]) -> None:
+    def __init__(self, out: str | os.PathLike[str], lean: bool = False) -> None:
         import duckdb
 
         folder = pathlib.Path(out)
         tables = {
-            "figures": _figures(folder),
+            "figures": _parquet(_figures(folder)),
             "machines": _one(folder / "machines.parquet", MACHINES),
             "logs": _one(folder / "logs.parquet", LEDGER),
         }
         self._refusal = duckdb.Error
+        self._no_room = duckdb.OutOfMemoryException
         self._today = max(path.name.removeprefix("day=") for path in folder.glob("figures/day=*"))
-        self._base = duckdb.connect()
-        for name, table in tables.items():
-            self._base.register(name, table)
-        self._base.execute(sql("views"))
+        self._files = tempfile.TemporaryDirectory(prefix="plumb-")
+        self._base = duckdb.connect(config=self._settings(lean))
+        try:
+            for name, table in tables.items():
+                self._base.execute(f"create view {name} as {table}")
+            self._base.execute(sql("views"))
+        except self._refusal as why:
+            self.close()
+            raise FleetError(f"{folder} can't be asked: {first_line(why)}") from None
+
+    def _settings(self, lean: bool) -> dict[str, Any]:
+        settings: dict[str, Any] = {"temp_directory": self._files.name}
+        return settings | {"threads": 1, "memory_limit": f"{LEAN_MB}MB"} if lean else settings
 
     def ask(self, question: str, **parameters: Any) -> pyarrow.Table:
         """The answer to a question of `QUESTIONS`, or to SQL; see `query`."""
+        text, given = self._text(question, parameters)
+        with self._in_words():
+            return self._base.sql(text, params=given).to_arrow_table()
+
+    def rows(self, question: str, **parameters: Any) -> Iterator[dict[str, Any]]:
+        """The same row by row; ask no other question until all rows are taken."""
+        given = self._text(question, parameters)
+        with self._in_words():
+            try:
+                answer = self._base.execute(*given)
+            except self._no_room:
+                # A question that can't do with files has the memory of the machine.
+                self._base.execute("reset memory_limit")
+                answer = self._base.execute(*given)
+            names = [column[0] for column in answer.description]
+        while True:
+            with self._in_words():
+                some = answer.fetchmany(AT_ONCE)
+            if not some:
+                return
+            yield from (dict(zip(names, row)) for row in some)
+
+    def _text(self, question: str, parameters: dict[str, Any]) -> tuple[str, Any]:
+        """The SQL of a question with its parameters."""
         text = sql(question) if question in QUESTIONS else question
         given = {"recent_days": 7, "least_days": 5, "band_deg": None, "today": self._today}
         given |= parameters
         used = {name: given[name] for name in set(re.findall(r"\$(\w+)", text)) & set(given)}
+        return text, used or None
+
+    @contextlib.contextmanager
+    def _in_words(self) -> Iterator[None]:
+        """Errors of DuckDB as `FleetError`."""
         try:
-            return self._base.sql(text, params=used or None).to_arrow_table()
+            yield
         except (self._refusal, AttributeError) as why:
             raise FleetError(f"DuckDB can't answer the question: {first_line(why)}") from None
         except RuntimeError as why:
@@ -67,13 +116,10 @@ class Figures:
                 raise KeyboardInterrupt from None
             raise
 
-    def rows(self, question: str, **parameters: Any) -> list[dict[str, Any]]:
-        """The same as a list of rows."""
-        return self.ask(question, **parameters).to_pylist()
-
     def close(self) -> None:
         """Lets the folder go."""
         self._base.close()
+        self._files.cleanup()
 
     def __enter__(self) -> Figures:
         return self
@@ -94,15 +140,27 @@ def query(out: str | os.PathLike[str], question: str, **parameters: Any) -> pyar
         return figures.ask(question, **parameters)
 
 
-def _figures(folder: pathlib.Path) -> Any:
-    files = sorted(str(path) for path in folder.glob("figures/day=*/rows.parquet"))
+def _figures(folder: pathlib.Path) -> list[pathlib.Path]:
+    files = sorted(folder.glob("figures/day=*/rows.parquet"))
     if not files:
         raise FleetError(f"{folder} has no figures of a fleet: name the folder of a run")
-    return pyarrow.dataset.dataset(files, schema=SCHEMA, format="parquet")
+    return files
 
 
-def _one(path: pathlib.Path, schema: pyarrow.Schema) -> Any:
-    if not path.exists():
-        return schema.empty_table()
-    refuse_other_format(path)
-    return pyarrow.dataset.dataset(str(path), schema=schema, format="parquet")
+def _one(path: pathlib.Path, schema: pyarrow.Schema) -> str:
+    if path.exists():
+        refuse_other_format(path)
+        return _parquet([path])
+    # Without a table there is an empty one.
+    return f"select {', '.join(f'{_EMPTY[field.type]} as {field.name}' for field in schema)} limit 0"
+
+
+_EMPTY = {pyarrow.string(): "''", pyarrow.int64(): "0"}
+"""A value of each type."""
+
+
+def _parquet(files: list[pathlib.Path]) -> str:
+    """SQL for the rows of files, whatever letters are in their names."""
+    names = (re.sub(r"([*?\[])", r"[\1]", str(path.absolute())).replace("'", "''") for path in files)
+    listed = ", ".join(f"'{name}'" for name in names)
+    return f"select * from read_parquet([{listed}], hive_partitioning = false)"

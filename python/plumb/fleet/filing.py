@@ -1,26 +1,21 @@
 """Of which machine and day each log counts, and which of several equal ones.
 
-In: the logs that were found, what each has come to, and the lines of the last run. Out: a line for
-each log, with its status and its sentence, and the logs of each machine's day.
+In: a log, what it has come to, and where its content counts already. Out: its line, with status and
+sentence, and its part in a machine's day.
 
-Left out: reading (`work`) and writing (`store`).
+Left out: reading (`work`), writing (`store`), and the order of the logs (`scratch`).
 """
 
 from __future__ import annotations
 
 import datetime
-import sys
-from collections import defaultdict
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from .layout import Log
 from .store import Line
 from .work import HERE, Read
 
 DAY_NS = 86_400_000_000_000
-
-Parts = list[tuple[str, str]]
-"""Of a machine's day: content and name of each log."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +28,16 @@ class Entry:
     """It was there in an earlier run and is not now."""
 
 
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A log of a machine's day."""
+
+    day: str
+    machine: str
+    blake3: str
+    name: str
+
+
 def left_over(line: Line, read: Read) -> Entry:
     """A log of an earlier run that is no longer there; what it came to still counts."""
     log = Log(
@@ -41,38 +46,27 @@ def left_over(line: Line, read: Read) -> Entry:
     return Entry(log, read, gone=True)
 
 
-def file(
-    entries: list[Entry], strays: dict[str, str], notes: dict[str, str], key: str
-) -> tuple[list[Line], dict]:
-    """A line for each log, and `{day: {machine: parts}}`.
+def filed(
+    entry: Entry, note: str | None, twin: str | None, key: str
+) -> tuple[Line | None, Part | None]:
+    """The line of a log, and its part in a day where it counts.
 
-    A content counts once: for the first log in the order of their URLs, those that are there before
-    those that are gone.
+    `note` is what else is to be said of the log, and `twin` the log of the same content that counts.
+    A content counts once: for the first log in the order in which they are filed. One that is gone
+    and has a twin needs no line.
     """
-    lines = [Line(url, key, "stray", why) for url, why in strays.items()]
-    days: dict[str, dict[str, Parts]] = defaultdict(lambda: defaultdict(list))
-    first: dict[str, Log] = {}
-    for entry in sorted(entries, key=lambda entry: (entry.gone, entry.log.url)):
-        log, read = entry.log, entry.read
-        twin = first.get(read.blake3) if read.blake3 and read.error is None else None
-        if twin is not None:
-            if not entry.gone:
-                sentence = f"has the same content as {twin.url}: counted once"
-                lines.append(_line(entry, key, None, "duplicate", sentence))
-            continue
-        day, note = _day(log, read)
-        status, sentence = _verdict(entry, note)
-        if day is not None and log.url in notes:
-            sentence = _joined(sentence, notes[log.url])
-        lines.append(_line(entry, key, day, status, sentence))
-        if day is not None and read.blake3 is not None:
-            first[read.blake3] = log
-            # Logs of many machines have the same name: it is held once.
-            days[day][log.machine].append((read.blake3, sys.intern(log.name)))
-    for machines in days.values():
-        for parts in machines.values():
-            parts.sort()
-    return lines, days
+    log, read = entry.log, entry.read
+    if twin is not None and read.error is None:
+        sentence = f"has the same content as {twin}: counted once"
+        return None if entry.gone else _line(entry, key, None, "duplicate", sentence), None
+    day, why = _day(log, read)
+    status, sentence = _verdict(entry, why)
+    if day is not None and note is not None:
+        sentence = _joined(sentence, note)
+    line = _line(entry, key, day, status, sentence)
+    if day is None or read.blake3 is None:
+        return line, None
+    return line, Part(day, log.machine, read.blake3, log.name)
 
 
 def _verdict(entry: Entry, note: str | None) -> tuple[str, str | None]:
@@ -106,11 +100,11 @@ def _day(log: Log, read: Read) -> tuple[str | None, str | None]:
     ends_ns = (read.first_ns, read.last_ns)
     own = [datetime.date(1970, 1, 1) + datetime.timedelta(ns // DAY_NS) for ns in ends_ns]
     if log.day is None:
-        return sys.intern(own[0].isoformat()), None
+        return own[0].isoformat(), None
     filed, near = datetime.date.fromisoformat(log.day), datetime.timedelta(1)
     if own[0] - near <= filed <= own[1] + near:
         return log.day, None
-    return sys.intern(own[0].isoformat()), (
+    return own[0].isoformat(), (
         f"its frames begin on {own[0]}, and its path has {log.day}: counted on {own[0]}"
     )
 
@@ -130,8 +124,3 @@ def _line(entry: Entry, key: str, day: str | None, status: str, sentence: str | 
         stamp=log.stamp if read.settled else None,
         path_day=log.day,
     )
-
-
-def without_summary(read: Read) -> Read:
-    """The same without the summary, which is kept elsewhere."""
-    return replace(read, summary=None)

@@ -1,18 +1,20 @@
 """Which logs there are, and of which machine and day each is: by pattern, or by a manifest.
 
 In: a folder or an fsspec URL, and a pattern for the paths below it, or a table of paths. Out: a
-`Log` for each file, and the files that belong to no machine, with a sentence.
+`Log` for each file, and a `Stray` for each that belongs to no machine, one after the other in no
+order. A folder of this machine is never listed as a whole.
 
-Left out: what is in the logs.
+Left out: what is in the logs, and their order (`scratch`).
 """
 
 from __future__ import annotations
 
+import contextlib
 import datetime
 import os
 import re
-import sys
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any
 
 import fsspec
@@ -32,6 +34,9 @@ ABOUT = ("model", "firmware", "certificate_sha256", "certificate_crc32", "calibr
 
 LISTED = 3
 """Names that a sentence has room for."""
+
+AT_ONCE = 1024
+"""Rows of a manifest that are held in memory at once."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,17 +60,23 @@ class Log:
         return self.url.rstrip("/").rsplit("/", 1)[-1]
 
 
-@dataclass
-class Found:
-    """All that was found."""
+@dataclass(frozen=True, slots=True)
+class Stray:
+    """A file of no machine."""
 
-    logs: list[Log] = field(default_factory=list)
-    strays: dict[str, str] = field(default_factory=dict)
-    """Files of no machine, each with a sentence."""
-    notes: dict[str, str] = field(default_factory=dict)
-    """Logs of which something is to be said although they count."""
-    machines: dict[str, dict[str, Any]] = field(default_factory=dict)
-    """What a manifest has on each machine."""
+    url: str
+    sentence: str
+    """Why."""
+
+
+@dataclass(frozen=True, slots=True)
+class About:
+    """What a row of a manifest has on a machine."""
+
+    machine: str
+    values: dict[str, str]
+    """By the names of `ABOUT`."""
+    manifest: str
 
 
 def day_of(text: str) -> str | None:
@@ -95,32 +106,48 @@ def matcher(pattern: str) -> re.Pattern[str]:
     return re.compile(f"{text}(/.*)?", re.DOTALL)
 
 
-def find(logs: str | os.PathLike[str], pattern: str = PATTERN) -> Found:
-    """The logs below a folder or URL, in the order of their URLs.
+def find(logs: str | os.PathLike[str], pattern: str = PATTERN) -> Iterator[Log | Stray]:
+    """The files below a folder or URL.
 
-    Errors: `FleetError` where the place can't be read, holds no file, or no file matches.
+    Errors: `FleetError` where the place can't be read, or, at the end, where there was no file, or
+    none of the pattern.
     """
-    system, root = _open(os.fspath(logs))
+    name = os.fspath(logs)
+    system, root = _open(name)
     wanted = matcher(pattern)
-    found = Found()
-    for path, info in sorted(_files(system, root, os.fspath(logs)).items()):
+    is_any, strays, few = False, 0, []
+    for path, info in _files(system, root, name):
         below = path[len(root.rstrip("/")) :].lstrip("/")
         if any(part.startswith(".") for part in below.split("/")):
             continue
-        match = wanted.fullmatch(below)
-        day = match.groupdict().get("day") if match else None
-        url = _url(system, path)
-        if unusable := _unusable(system, path):
-            found.strays[shown(url)] = unusable
-        elif match is None:
-            found.strays[url] = f"{below} is not of the form {pattern}: no machine owns it"
-        elif day is not None and day_of(day) is None:
-            found.strays[url] = f"{day} in {below} is no day of the calendar"
+        found = _judged(system, path, info, below, wanted.fullmatch(below), pattern)
+        if isinstance(found, Stray):
+            strays, few = strays + 1, sorted([*few, found.url])[:LISTED]
         else:
-            machine = match["machine"]
-            found.logs.append(_log(system, path, info, machine, day and day_of(day)))
-    _refuse_nothing(found, os.fspath(logs), pattern)
-    return found
+            is_any = True
+        yield found
+    if not is_any:
+        raise _nothing(name, pattern, strays, few)
+
+
+def _judged(
+    system: Any,
+    path: str,
+    info: dict[str, Any],
+    below: str,
+    match: re.Match[str] | None,
+    pattern: str,
+) -> Log | Stray:
+    """A file as a log, or as a stray."""
+    day = match.groupdict().get("day") if match else None
+    url = _url(system, path)
+    if unusable := _unusable(system, path):
+        return Stray(shown(url), unusable)
+    if match is None:
+        return Stray(url, f"{below} is not of the form {pattern}: no machine owns it")
+    if day is not None and day_of(day) is None:
+        return Stray(url, f"{day} in {below} is no day of the calendar")
+    return _log(system, path, info, match["machine"], day and day_of(day))
 
 
 def _unusable(system: Any, path: str) -> str | None:
@@ -138,63 +165,64 @@ def shown(name: str) -> str:
     return name.encode("utf-8", "backslashreplace").decode()
 
 
-def _refuse_nothing(found: Found, logs: str, pattern: str) -> None:
-    if found.logs:
-        return
-    if not found.strays:
-        raise FleetError(f"{logs} holds no file: name the folder of the machines")
-    few = ", ".join(sorted(found.strays)[:LISTED])
-    raise FleetError(
-        f"none of {len(found.strays)} files below {logs} is of the form {pattern}, such as {few}: "
+def _nothing(logs: str, pattern: str, strays: int, few: list[str]) -> FleetError:
+    """Why there is nothing to count; `few` are the first strays."""
+    if not strays:
+        return FleetError(f"{logs} holds no file: name the folder of the machines")
+    return FleetError(
+        f"none of {strays} files below {logs} is of the form {pattern}, such as {', '.join(few)}: "
         "give another --pattern"
     )
 
 
-def read_manifest(manifest: str | os.PathLike[str], logs: str | os.PathLike[str]) -> Found:
-    """The logs that a Parquet table lists; relative paths are below `logs`.
+def read_manifest(
+    manifest: str | os.PathLike[str], logs: str | os.PathLike[str]
+) -> Iterator[Log | Stray | About]:
+    """What a Parquet table lists; relative paths are below `logs`.
 
     It needs the columns path and machine, may have day, and those of `ABOUT` on the machine.
-    Errors: `FleetError` where it can't be read, lacks a column, or a machine has two values.
+    Errors: `FleetError` where it can't be read, lacks a column, or lists nothing.
     """
-    table = _table(os.fspath(manifest))
-    found = Found()
+    name = os.fspath(manifest)
     system, root = _open(os.fspath(logs))
-    for row in table.to_pylist():
+    is_any = False
+    for row in _rows(name):
         machine = row["machine"]
         if not row["path"] or not machine:
-            raise FleetError(f"{manifest} has a row without path or machine: fill it in")
-        _tell_about(found, str(machine), row, os.fspath(manifest))
-        _enter(found, system, root, row)
-    _once(found)
-    if not found.logs and not found.strays:
-        raise FleetError(f"{manifest} lists no log: give one with a row for each")
-    return found
+            raise FleetError(f"{name} has a row without path or machine: fill it in")
+        yield About(str(machine), _about(row, name), name)
+        yield _entered(system, root, row)
+        is_any = True
+    if not is_any:
+        raise FleetError(f"{name} lists no log: give one with a row for each")
 
 
-def _once(found: Found) -> None:
-    """Each log once, in the order of their URLs; of rows of the same path the first one counts."""
-    logs: dict[str, Log] = {}
-    for log in found.logs:
-        first = logs.setdefault(log.url, log)
-        if first is not log:
-            whose = "" if log.machine == first.machine else f", for {first.machine}"
-            found.notes.setdefault(log.url, f"the manifest lists it twice: counted once{whose}")
-    found.logs = sorted(logs.values(), key=lambda log: log.url)
-
-
-def _table(manifest: str) -> pyarrow.Table:
+def _rows(manifest: str) -> Iterator[dict[str, Any]]:
+    """The rows of a manifest."""
     try:
         with fsspec.open(manifest, "rb") as file:
-            table = pyarrow.parquet.read_table(file)
+            table = pyarrow.parquet.ParquetFile(file)
+            names = _wanted(table.schema_arrow.names, manifest)
+            for batch in table.iter_batches(AT_ONCE, columns=names):
+                yield from _in_text(pyarrow.Table.from_batches([batch]), manifest).to_pylist()
+    except FleetError:
+        raise
     except (OSError, ValueError, ImportError, pyarrow.ArrowException) as why:
         raise FleetError(f"{manifest} can't be read as Parquet: {first_line(why)}") from None
-    missing = [name for name in NEEDED if name not in table.column_names]
+
+
+def _wanted(names: list[str], manifest: str) -> list[str]:
+    """The columns of a manifest that are used.
+
+    Errors: `FleetError` where one is missing.
+    """
+    missing = [name for name in NEEDED if name not in names]
     if missing:
         raise FleetError(
             f"{manifest} has no column {' and no column '.join(missing)}: a manifest needs "
             f"{' and '.join(NEEDED)}, and may have day, {', '.join(ABOUT)}"
         )
-    return _in_text(table, manifest)
+    return [name for name in (*NEEDED, "day", *ABOUT) if name in names]
 
 
 def _in_text(table: pyarrow.Table, manifest: str) -> pyarrow.Table:
@@ -203,8 +231,6 @@ def _in_text(table: pyarrow.Table, manifest: str) -> pyarrow.Table:
     Errors: `FleetError` where they are none.
     """
     for number, name in enumerate(table.column_names):
-        if name not in (*NEEDED, "day", *ABOUT):
-            continue
         try:
             column = table.column(number)
             if column.type in (pyarrow.binary(), pyarrow.large_binary()):
@@ -218,16 +244,13 @@ def _in_text(table: pyarrow.Table, manifest: str) -> pyarrow.Table:
     return table
 
 
-def _tell_about(found: Found, machine: str, row: dict[str, Any], manifest: str) -> None:
-    about = found.machines.setdefault(machine, {})
-    for name in ABOUT:
-        value = row.get(name)
-        if value is None:
-            continue
-        if name == "calibration_due":
-            value = _due(value, manifest)
-        if about.setdefault(name, str(value)) != str(value):
-            raise FleetError(f"{manifest} has two values of {name} for {machine}: keep one")
+def _about(row: dict[str, Any], manifest: str) -> dict[str, str]:
+    """What a row has on its machine."""
+    values = {name: row.get(name) for name in ABOUT}
+    due = values["calibration_due"]
+    if due is not None:
+        values["calibration_due"] = _due(due, manifest)
+    return {name: str(value) for name, value in values.items() if value is not None}
 
 
 def _due(value: Any, manifest: str) -> str:
@@ -237,7 +260,8 @@ def _due(value: Any, manifest: str) -> str:
     return text
 
 
-def _enter(found: Found, system: Any, root: str, row: dict[str, Any]) -> None:
+def _entered(system: Any, root: str, row: dict[str, Any]) -> Log | Stray:
+    """The log of a row."""
     path, day = str(row["path"]), row.get("day")
     if "://" in path:
         system, path = _open(path)
@@ -246,14 +270,12 @@ def _enter(found: Found, system: Any, root: str, row: dict[str, Any]) -> None:
     url = _url(system, path)
     named = None if day is None else day_of(str(day)[:10])
     if day is not None and named is None:
-        found.strays[url] = f"the manifest's day {day!r} is no day such as 2026-11-20"
-        return
+        return Stray(url, f"the manifest's day {day!r} is no day such as 2026-11-20")
     try:
         info = system.info(path)
     except (OSError, ValueError) as why:
-        found.strays[url] = f"the manifest lists it, and it can't be read: {first_line(why)}"
-        return
-    found.logs.append(_log(system, path, info, str(row["machine"]), named))
+        return Stray(url, f"the manifest lists it, and it can't be read: {first_line(why)}")
+    return _log(system, path, info, str(row["machine"]), named)
 
 
 def _open(url: str) -> tuple[Any, str]:
@@ -263,25 +285,41 @@ def _open(url: str) -> tuple[Any, str]:
         raise FleetError(f"{url} is of a kind that is not installed: {first_line(why)}") from None
 
 
-def _files(system: Any, root: str, name: str) -> dict[str, dict[str, Any]]:
+def _files(system: Any, root: str, name: str) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Paths of all files below a folder, each with what the file system knows of it."""
     try:
         if not system.exists(root):
             raise FleetError(f"{name} is not there: name the folder of the machines")
         if system.isfile(root):
             raise FleetError(f"{name} is a file: name the folder of the machines")
-        return system.find(root, detail=True)
+        if _is_local(system):
+            yield from _walked(system, root)
+        else:
+            # A bucket lists all names in a few requests, and a folder at a time in many.
+            yield from system.find(root, detail=True).items()
     except OSError as why:
         raise FleetError(f"{name} can't be listed: {first_line(why)}") from None
+
+
+def _walked(system: Any, folder: str) -> Iterator[tuple[str, dict[str, Any]]]:
+    """The same of this machine, name by name; what can't be listed or is gone is left out."""
+    with contextlib.suppress(OSError), os.scandir(folder) as names:
+        for name in names:
+            try:
+                info = system.info(name)
+            except FileNotFoundError:
+                continue
+            if info["type"] == "directory":
+                yield from _walked(system, info["name"])
+            else:
+                yield info["name"], info
 
 
 def _log(system: Any, path: str, info: dict[str, Any], machine: str, day: str | None) -> Log:
     local = _is_local(system)
     keys = ("ETag", "etag", "mtime", "LastModified", "last_modified", "updated", "created")
     stamp = next((str(info[key]) for key in keys if info.get(key)), "")
-    size = int(info.get("size") or 0)
-    # Many logs share a machine or a day: each name is held once.
-    day = None if day is None else sys.intern(day)
-    return Log(_url(system, path), sys.intern(machine), day, size, stamp, local)
+    return Log(_url(system, path), machine, day, int(info.get("size") or 0), stamp, local)
 
 
 def _is_local(system: Any) -> bool:

@@ -7,18 +7,20 @@ of the other reports, and `machines/NAME/report.html`. The same tables give the 
 from __future__ import annotations
 
 import hashlib
+import itertools
 import json
 import os
 import pathlib
 import shutil
 import urllib.parse
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field
 from typing import Any
 
 from .. import _plumb
 from .asking import Figures, sql
-from .store import Line, Store
+from .scratch import Told
+from .store import Store
 from .visits import Rules, Visit
 from .visits import found as visits
 
@@ -30,6 +32,9 @@ ROWS = 60
 
 LONGEST = 200
 """Bytes of a folder's name."""
+
+MERGED = 16
+"""Days of a machine that are merged at once."""
 
 DRAWN = 4
 """Machines whose drift is drawn."""
@@ -56,17 +61,29 @@ def folder_of(machine: str) -> str:
     return safe
 
 
-def write(store: Store, rules: Rules, lines: list[Line]) -> Made:
-    """Makes the page of what the folder holds; the pages of machines stand before it."""
-    with Figures(store.folder) as figures:
+def write(store: Store, rules: Rules, told: Told) -> Made:
+    """Makes the page of what the folder holds; the pages of machines stand before it.
+
+    `told` has up to `ROWS` of the lines with a sentence.
+    """
+    with Figures(store.folder, lean=True) as figures:
         found = visits(figures, rules)
-        report = _report(figures, rules, found, lines)
+        report = _report(figures, rules, found, told)
     for visit in found:
         target = store.folder / "machines" / folder_of(visit.machine)
-        _plumb.report(_plumb.merge(store.summaries(visit.machine)), str(target), None)
+        _plumb.report(_whole(store.summaries(visit.machine)), str(target), None)
     html, _ = _plumb.fleet_page(json.dumps(report).encode(), str(store.folder))
     _remove_others(store.folder / "machines", {folder_of(visit.machine) for visit in found})
     return Made(pathlib.Path(html), report["verdict"], [visit.machine for visit in found])
+
+
+def _whole(summaries: Iterator[bytes]) -> bytes:
+    """All of them merged, some at a time: the same bytes in any grouping."""
+    some = list(itertools.islice(summaries, MERGED))
+    whole = _plumb.merge(some)
+    while some := list(itertools.islice(summaries, MERGED)):
+        whole = _plumb.merge([whole, *some])
+    return whole
 
 
 def _remove_others(folder: pathlib.Path, wanted: set[str]) -> None:
@@ -76,21 +93,20 @@ def _remove_others(folder: pathlib.Path, wanted: set[str]) -> None:
                 shutil.rmtree(entry.path, ignore_errors=True)
 
 
-def _report(figures: Figures, rules: Rules, found: list[Visit], lines: list[Line]) -> Row:
-    def ask(question: str) -> list[Row]:
+def _report(figures: Figures, rules: Rules, found: list[Visit], told: Told) -> Row:
+    def ask(question: str) -> Iterator[Row]:
         return figures.rows(question, **rules.parameters())
 
     [total] = figures.rows(TOTAL)
-    known = {row["machine"]: row for row in figures.rows(KNOWN)}
-    bad = [line for line in lines if line.status in ("failed", "incomplete")]
+    known = _known(figures, {visit.machine for visit in found})
     return {
         "format": FORMAT,
         "version": VERSION,
-        "verdict": _verdict(total, found, bad),
-        "clean": not found and not bad,
+        "verdict": _verdict(total, found, told),
+        "clean": not found and not told.bad,
         "from": total["first_day"].isoformat(),
         "to": total["last_day"].isoformat(),
-        "facts": _facts(total, lines),
+        "facts": _facts(total, told),
         "visits": [_visit(visit, known.get(visit.machine, {})) for visit in found],
         "sections": [
             _faults(ask("faults")),
@@ -98,7 +114,7 @@ def _report(figures: Figures, rules: Rules, found: list[Visit], lines: list[Line
             _histories(figures),
             _calibration(figures, ask("calibration")),
             _restarts(ask("restarts"), ask("silent")),
-            _logs(lines),
+            _logs(told),
         ],
     }
 
@@ -112,11 +128,16 @@ KNOWN = """select machine, arg_max(model, day) as model, arg_max(firmware, day) 
     from machine_days group by machine"""
 
 
+def _known(figures: Figures, machines: set[str]) -> dict[str, Row]:
+    """Model and firmware of these machines."""
+    return {row["machine"]: row for row in figures.rows(KNOWN) if row["machine"] in machines}
+
+
 def _plural(count: int, one: str, many: str) -> str:
     return f"{count} {one if count == 1 else many}"
 
 
-def _verdict(total: Row, found: list[Visit], bad: list[Row]) -> str:
+def _verdict(total: Row, found: list[Visit], told: Told) -> str:
     machines = _plural(total["machines"], "machine", "machines")
     who = f"{machines}, {total['machine_days']} machine-days, {total['hours']:.1f} h of data, "
     incidents = _plural(int(total["incidents"] or 0), "incident", "incidents")
@@ -125,18 +146,16 @@ def _verdict(total: Row, found: list[Visit], bad: list[Row]) -> str:
     else:
         need = _plural(len(found), "machine needs a visit", "machines need a visit")
     text = f"{who}{incidents}; {need}."
-    if bad:
-        text += f" {_plural(len(bad), 'log', 'logs')} could not be read, or not to the end."
+    if told.bad:
+        text += f" {_plural(told.bad, 'log', 'logs')} could not be read, or not to the end."
     return text
 
 
-def _facts(total: Row, lines: list[Line]) -> list[list[str]]:
-    counted = [line for line in lines if line.status in ("counted", "incomplete")]
-    frames = sum(line.frames for line in counted)
+def _facts(total: Row, told: Told) -> list[list[str]]:
     return [
         ["Machines", str(total["machines"])],
-        ["Logs", str(len(counted))],
-        ["Frames", f"{frames:,}".replace(",", "\u2009")],
+        ["Logs", str(told.counted)],
+        ["Frames", f"{told.frames:,}".replace(",", "\u2009")],
         ["With data", f"{total['hours']:.1f} h"],
     ]
 
@@ -157,7 +176,29 @@ Column = tuple[str, Callable[[Row], Any], int | None]
 """Name, value of a row, and decimals of a number or None for text."""
 
 
-def _table(title: str, rows: list[Row], columns: list[Column], note: str = "") -> Row:
+@dataclass
+class First:
+    """The first `ROWS` rows of many, and how many there are."""
+
+    rows: list[Row] = field(default_factory=list)
+    count: int = 0
+
+    def add(self, row: Row) -> None:
+        """One more."""
+        self.count += 1
+        if len(self.rows) < ROWS:
+            self.rows.append(row)
+
+    @staticmethod
+    def of(rows: Iterable[Row]) -> First:
+        """Those of all rows."""
+        first = First()
+        for row in rows:
+            first.add(row)
+        return first
+
+
+def _table(title: str, first: First, columns: list[Column], note: str = "") -> Row:
     def cell(row: Row, column: Column) -> str:
         value = column[1](row)
         if value is None:
@@ -165,12 +206,12 @@ def _table(title: str, rows: list[Row], columns: list[Column], note: str = "") -
         return str(value) if column[2] is None else f"{value:.{column[2]}f}"
 
     notes = [note] if note else []
-    if len(rows) > ROWS:
-        notes.append(f"{len(rows) - ROWS} more in the tables of the folder.")
+    if first.count > ROWS:
+        notes.append(f"{first.count - ROWS} more in the tables of the folder.")
     return {
         "title": title,
         "columns": [{"name": name, "number": places is not None} for name, _, places in columns],
-        "rows": [[cell(row, column) for column in columns] for row in rows[:ROWS]],
+        "rows": [[cell(row, column) for column in columns] for row in first.rows],
         "notes": notes,
     }
 
@@ -188,7 +229,7 @@ def _section(title: str, text: list[str], tables: list[Row], charts: list[Row] =
     return {"title": title, "text": text, "charts": charts, "tables": kept}
 
 
-def _faults(rows: list[Row]) -> Row:
+def _faults(rows: Iterable[Row]) -> Row:
     columns: list[Column] = [
         ("Name", _of("name"), None),
         ("Machines", _of("machines"), 0),
@@ -198,19 +239,21 @@ def _faults(rows: list[Row]) -> Row:
         ("Incidents", _of("incidents"), 0),
         ("Incidents per hour", _of("incidents_per_hour"), 3),
     ]
-    tables = []
-    for key in ("model", "firmware", "machine"):
-        own = [row for row in rows if row["grouped_by"] == key]
-        note = "Both channels report most faults; an incident counts once."
-        if key == "machine":
-            some = [row for row in own if row["warnings"] or row["faults"]]
-            note = f"{len(own) - len(some)} machines have neither warnings nor faults."
-            own = some
-        tables.append(_table(f"By {key}", own, columns, note))
+    groups = {key: First() for key in ("model", "firmware", "machine")}
+    quiet = 0
+    for row in rows:
+        key = row["grouped_by"]
+        if key != "machine" or row["warnings"] or row["faults"]:
+            groups[key].add(row)
+        else:
+            quiet += 1
+    notes = dict.fromkeys(groups, "Both channels report most faults; an incident counts once.")
+    notes["machine"] = f"{quiet} machines have neither warnings nor faults."
+    tables = [_table(f"By {key}", own, columns, notes[key]) for key, own in groups.items()]
     return _section("Warnings and faults per hour", [], tables)
 
 
-def _drift(figures: Figures, rows: list[Row]) -> Row:
+def _drift(figures: Figures, rows: Iterable[Row]) -> Row:
     columns: list[Column] = [
         ("Machine", _of("machine"), None),
         ("Instrument", _of("instrument"), 0),
@@ -222,12 +265,12 @@ def _drift(figures: Figures, rows: list[Row]) -> Row:
         ("Band, deg", _of("band_deg"), 3),
         ("Leaves it on", _leaves, None),
     ]
-    moving = [row for row in rows if row["outside"] or row["significant"]]
+    moving = First.of(row for row in rows if row["outside"] or row["significant"])
     text = ["A line through the daily means of A \u2212 B. A drift is listed where chance gives "
             "such a one in fewer than one of 10 000 lines, or the difference is outside its band."]
-    if not moving:
+    if not moving.count:
         text = ["No machine has a difference that drifts or is outside its band."]
-    charts = _drawn(figures, moving)
+    charts = _drawn(figures, moving.rows)
     return _section("Drift of A \u2212 B", text, [_table("Drift", moving, columns)], charts)
 
 
@@ -250,7 +293,7 @@ def _drawn(figures: Figures, moving: list[Row]) -> list[Row]:
     keys = ("machine", "interface", "instrument")
     charts = []
     for row in moving[:DRAWN]:
-        own = figures.rows(MEANS, **{key: row[key] for key in keys})
+        own = list(figures.rows(MEANS, **{key: row[key] for key in keys}))
         series = {
             "name": "daily mean of A \u2212 B",
             "kind": "markers",
@@ -286,7 +329,7 @@ SPANS = """select machine, instrument,
 
 
 def _histories(figures: Figures) -> Row:
-    spans = figures.rows(SPANS.format(histories=sql("histories")))
+    spans = First.of(figures.rows(SPANS.format(histories=sql("histories"))))
     columns: list[Column] = [
         ("Machine", _of("machine"), None),
         ("Instrument", _of("instrument"), 0),
@@ -310,7 +353,7 @@ SPREAD = """select date_diff('day', min(date) over (), date) as t, date,
 
 def _over_days(figures: Figures) -> list[Row]:
     """Temperature and vibration of the whole fleet, day by day."""
-    days = figures.rows(SPREAD)
+    days = list(figures.rows(SPREAD))
     charts = []
     for name, unit in [("temperature", "degC"), ("vibration", "times the own noise")]:
         keys = ("t", f"{name}_least", f"{name}_most")
@@ -329,7 +372,7 @@ def _over_days(figures: Figures) -> list[Row]:
     return charts
 
 
-def _calibration(figures: Figures, rows: list[Row]) -> Row:
+def _calibration(figures: Figures, rows: Iterable[Row]) -> Row:
     columns: list[Column] = [
         ("Machine", _of("machine"), None),
         ("Due", _of("due"), None),
@@ -337,17 +380,18 @@ def _calibration(figures: Figures, rows: list[Row]) -> Row:
         ("Check sum", lambda row: "another" if row["other_calibration"] else "matches", None),
         ("Report", lambda row: "another" if row["other_report"] else "matches", None),
     ]
+    first = First.of(rows)
     [known] = figures.rows("select count(*) as n from machines")
-    if rows:
+    if first.count:
         text = ["Overdue, or not the calibration of the certificate in the manifest."]
     elif known["n"]:
         text = ["No calibration is overdue, and none is another than the manifest has."]
     else:
         text = ["No manifest states when the calibrations are due, or their certificates."]
-    return _section("Calibration", text, [_table("To be calibrated", rows, columns)])
+    return _section("Calibration", text, [_table("To be calibrated", first, columns)])
 
 
-def _restarts(restarts: list[Row], silent: list[Row]) -> Row:
+def _restarts(restarts: Iterable[Row], silent: Iterable[Row]) -> Row:
     columns: list[Column] = [
         ("Machine", _of("machine"), None),
         ("Restarts", _of("restarts"), 0),
@@ -362,23 +406,25 @@ def _restarts(restarts: list[Row], silent: list[Row]) -> Row:
         ("Days without data", _of("silent_days"), 0),
         ("Of them until today", _of("silent_now"), 0),
     ]
-    text = [] if restarts or silent else ["No node restarted, and no machine has a day without data."]
+    # One question after the other: the second is asked when all rows of the first are taken.
     tables = [
-        _table("Nodes that restarted", restarts, columns),
-        _table("Days without data", silent, others),
+        _table("Nodes that restarted", First.of(restarts), columns),
+        _table("Days without data", First.of(silent), others),
     ]
+    is_any = any(table["rows"] for table in tables)
+    text = [] if is_any else ["No node restarted, and no machine has a day without data."]
     return _section("Restarts and silent days", text, tables)
 
 
-def _logs(lines: list[Line]) -> Row:
-    order = {"failed": 0, "incomplete": 1, "stray": 2, "duplicate": 3, "counted": 4}
-    told = [line for line in lines if line.sentence]
-    told.sort(key=lambda line: (order[line.status], line.log))
-    listed = [{"log": one.log, "status": one.status, "sentence": one.sentence} for one in told]
+def _logs(told: Told) -> Row:
+    listed = [
+        {"log": one.log, "status": one.status, "sentence": one.sentence} for one in told.listed
+    ]
     columns: list[Column] = [
         ("Log", _of("log"), None),
         ("Status", _of("status"), None),
         ("Why", _of("sentence"), None),
     ]
     text = [] if listed else ["Every log was read, and each of them once."]
-    return _section("Logs that are not as they should be", text, [_table("Logs", listed, columns)])
+    table = _table("Logs", First(listed, told.noted), columns)
+    return _section("Logs that are not as they should be", text, [table])

@@ -4,36 +4,26 @@ In: where the logs are, and the folder that the results go to. Out: an `Outcome`
 by the content of the log, so that what is finished is not done again; the same logs give the same
 bytes with any number of workers.
 
-Left out: each step (`layout`, `work`, `filing`, `store`, `page`).
+No list of all logs is in memory: what is known of each while the run lasts is in a `Scratch`.
+
+Left out: each step (`layout`, `work`, `filing`, `merging`, `store`, `page`).
 """
 
 from __future__ import annotations
 
-import hashlib
-import json
 import os
 import pathlib
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, replace
-from typing import Any
+from collections.abc import Iterable
+from dataclasses import dataclass
 
 from .._plumb import Error
 from ..logs import node_ids
-from . import filing, layout, page, schedulers, work
+from . import filing, layout, page, schedulers, scratch, work
 from .errors import FleetError
-from .figures import SCHEMA
-from .store import SUMMARIES, Line, Store, owned, refuse_other_kinds, write_table
+from .merging import Progress, merge
+from .scratch import Scratch
+from .store import Store, owned, refuse_other_kinds
 from .visits import Rules
-
-Progress = Callable[[str, int, int, float, float], None]
-"""Called with the stage, the jobs that are done and all of them, and the same of the work."""
-
-MERGE_BYTES = 1 << 16
-"""What a merge counts for in a group of jobs, besides its summaries, which count four times: they
-are sent with it."""
-
-UNPACKED = 16
-"""Summaries that are written at once."""
 
 LOST = work.Read(
     None, False, error=f"{work.HERE} is gone, and its summary is damaged: it no longer counts"
@@ -90,73 +80,57 @@ def run(
     """
     folder = pathlib.Path(out)
     how = work.How(_pairs(nodes), tuple(os.path.abspath(sheet) for sheet in eds))
-    found = _found(logs, pattern, manifest, folder)
-    refuse_other_kinds(folder)
-    try:
-        store = Store(folder, how.key)
-    except OSError as why:
-        raise FleetError(f"{why.filename} can't be read: {why.strerror}") from None
-    with owned(folder):
-        plan = _plan(found, store, how)
-        with schedulers.opened(scheduler, _workers(workers, plan.todo)) as place:
-            filed = _file(place, plan, how, store, progress)
-            # A line and its content are all that is held of a log while days are merged.
-            del plan
-            found.logs.clear()
-            _refuse_nothing(filed)
-            _merge(place, filed.days, store, progress)
-        machines = store.machines() | found.machines
-        store.write_machines(machines)
-        store.write_ledger(filed.lines)
-        store.end_journal()
-        made = page.write(store, rules, filed.lines)
-    return _outcome(made, filed)
+    with scratch.opened() as known:
+        _find(known, logs, pattern, manifest, folder)
+        refuse_other_kinds(folder)
+        try:
+            store = Store(folder, how.key)
+        except OSError as why:
+            raise FleetError(f"{why.filename} can't be read: {why.strerror}") from None
+        with owned(folder):
+            _recall(known, store, how)
+            with schedulers.opened(scheduler, _workers(workers, known)) as place:
+                read = _count(place, known, how, store, progress)
+            known.add_known_machines(store.machines())
+            store.write_machines(known.machines())
+            store.write_ledger(known.ledger())
+            store.end_journal()
+            made = page.write(store, rules, known.told(page.ROWS))
+        return _outcome(made, known, read)
 
 
-@dataclass(frozen=True)
-class Plan:
-    """What a run has to do."""
-
-    todo: list[layout.Log]
-    """Logs that have to be read."""
-    entries: list[filing.Entry]
-    """Those that are finished, and those that are gone."""
-    strays: dict[str, str]
-    """Files of no machine, each with a sentence."""
-    notes: dict[str, str]
-    """Logs that count, and of which something is to be said."""
-
-
-@dataclass(frozen=True)
-class Filed:
-    """What the logs have come to, and where it counts."""
-
-    lines: list[Line]
-    days: dict[str, dict[str, filing.Parts]]
-    read: int
-    """Logs that were read."""
-    entries: int
-    """Logs in all."""
+def _recall(known: Scratch, store: Store, how: work.How) -> None:
+    """Enters what earlier runs have done: logs that are finished, and those that are gone."""
+    known.add_before(store.ledger())
+    for line in store.journal():
+        known.add_known(line)
+    for log, blake3 in known.logs(how.key):
+        read = store.get(blake3)
+        if read is None:
+            known.add_todo(log)
+        else:
+            known.add_entry(filing.Entry(log, read))
+    for line in known.gone(how.key):
+        known.add_entry(filing.left_over(line, store.get(line.blake3) or LOST))
 
 
-def _plan(found: layout.Found, store: Store, how: work.How) -> Plan:
-    ledger = store.ledger()
-    todo, entries = _finished(found, ledger | store.journal(), store, how)
-    return Plan(todo, entries + _gone(found, ledger, store, how), found.strays, found.notes)
+def _count(
+    place: schedulers.Place, known: Scratch, how: work.How, store: Store, progress: Progress
+) -> int:
+    """Reads what has to be read, files all, and merges the days; how many logs were read.
 
-
-def _file(place: Any, plan: Plan, how: work.How, store: Store, progress: Progress) -> Filed:
-    """Reads what has to be read, and files all; what was kept and is damaged is read again."""
-    entries, read = plan.entries, len(plan.todo)
-    known = {entry.read.blake3 for entry in entries}
-    entries = entries + _read(place, plan.todo, how, store, progress)
-    lines, days = filing.file(entries, plan.strays, plan.notes, how.key)
-    if damaged := _damaged(days, known, store):
-        again, entries = _apart(entries, damaged)
-        entries += _read(place, again, how, store, progress)
-        lines, days = filing.file(entries, plan.strays, plan.notes, how.key)
-        read += len(again)
-    return Filed(lines, days, read, len(entries))
+    A summary of an earlier run that turns out to be damaged is made again.
+    """
+    count = _read(place, known, how, store, progress)
+    _file(known, how)
+    if merge(place, known, store, progress) is None:
+        return count
+    known.read_damaged_again(LOST)
+    count += _read(place, known, how, store, progress)
+    _file(known, how)
+    if damage := merge(place, known, store, progress):
+        raise FleetError(damage)
+    return count
 
 
 def _pairs(nodes: Iterable[int]) -> tuple[int, ...]:
@@ -173,95 +147,48 @@ def _pairs(nodes: Iterable[int]) -> tuple[int, ...]:
     return given
 
 
-def _found(
+def _find(
+    known: Scratch,
     logs: str | os.PathLike[str],
     pattern: str,
     manifest: str | os.PathLike[str] | None,
     out: pathlib.Path,
-) -> layout.Found:
+) -> None:
+    """Enters all logs that there are.
+
+    Errors: `FleetError` where there is none.
+    """
     found = layout.find(logs, pattern) if manifest is None else layout.read_manifest(manifest, logs)
+    for one in found:
+        known.add(one)
     # The results may stand below the logs.
-    own = (f"{out.resolve()}{os.sep}", f"{os.path.abspath(out)}{os.sep}")
-    found.logs = [log for log in found.logs if not (log.local and log.url.startswith(own))]
-    found.strays = {url: why for url, why in found.strays.items() if not url.startswith(own)}
-    if not found.logs and found.strays:
-        url, why = min(found.strays.items())
-        raise FleetError(f"there is no log to count, of {len(found.strays)} files: {url}: {why}")
-    if not found.logs:
-        raise FleetError(f"{logs} holds no log but results: name the folder of the machines")
-    return found
+    known.leave_out([f"{out.resolve()}{os.sep}", f"{os.path.abspath(out)}{os.sep}"])
+    if known.has_logs():
+        return
+    count, first = known.strays()
+    if first is not None:
+        raise FleetError(
+            f"there is no log to count, of {count} files: {first.url}: {first.sentence}"
+        )
+    raise FleetError(f"{logs} holds no log but results: name the folder of the machines")
 
 
-def _workers(wanted: int | None, todo: list[layout.Log]) -> int:
+def _workers(wanted: int | None, known: Scratch) -> int:
     if wanted is not None:
         if wanted < 1:
             raise FleetError(f"{wanted} workers can't work: give one or more")
         return wanted
-    work_groups = sum(log.size for log in todo) // schedulers.GROUP_BYTES
-    return max(1, min(os.cpu_count() or 1, work_groups))
-
-
-def _finished(
-    found: layout.Found, ledger: dict[str, Line], store: Store, how: work.How
-) -> tuple[list[layout.Log], list[filing.Entry]]:
-    """The logs that have to be read, and those that are finished."""
-    todo, entries = [], []
-    for log in found.logs:
-        known = None
-        if log.stamp != "" and (line := ledger.get(log.url)):
-            same = (line.stamp, line.size, line.key) == (log.stamp, log.size, how.key)
-            known = store.get(line.blake3) if same else None
-        if known is None:
-            todo.append(log)
-        else:
-            entries.append(filing.Entry(log, known))
-    return todo, entries
-
-
-def _gone(
-    found: layout.Found, ledger: dict[str, Line], store: Store, how: work.How
-) -> list[filing.Entry]:
-    """Logs of earlier runs that are no longer there, and were counted."""
-    there = {log.url for log in found.logs} | set(found.strays)
-    entries = []
-    for url, line in ledger.items():
-        if url in there or line.day is None or line.key != how.key:
-            continue
-        entries.append(filing.left_over(line, store.get(line.blake3) or LOST))
-    return entries
-
-
-def _damaged(days: dict, known: set[str | None], store: Store) -> set[str]:
-    """Contents of earlier runs of which a day needs the summary, and it is damaged."""
-    needed = {
-        blake3
-        for day in _changed(days, store)
-        for parts in days[day].values()
-        for blake3, _ in parts
-    }
-    return {blake3 for blake3 in needed & known if not store.is_whole(blake3)}
-
-
-def _apart(
-    entries: list[filing.Entry], damaged: set[str]
-) -> tuple[list[layout.Log], list[filing.Entry]]:
-    """The logs of damaged summaries that have to be read again, and all others; those that are gone
-    without another log of their content are lost."""
-    again = [one for one in entries if one.read.blake3 in damaged and not one.gone]
-    lost = damaged - {one.read.blake3 for one in again}
-    others = [one for one in entries if one.read.blake3 not in damaged or one.gone]
-    others = [replace(one, read=LOST) if one.read.blake3 in lost else one for one in others]
-    return [one.log for one in again], others
+    _, size = known.todo_size()
+    return max(1, min(os.cpu_count() or 1, size // schedulers.GROUP_BYTES))
 
 
 def _read(
-    place: Any, todo: list[layout.Log], how: work.How, store: Store, progress: Progress
-) -> list[filing.Entry]:
-    """What each log comes to; each result is kept at once."""
-    results: list[filing.Entry] = []
-    total, done = sum(log.size for log in todo), 0
-    progress("reading", 0, len(todo), 0, total)
-    jobs = ((log, log.size) for log in todo)
+    place: schedulers.Place, known: Scratch, how: work.How, store: Store, progress: Progress
+) -> int:
+    """Reads the logs that have to be read; how many. Each result is kept at once."""
+    (count, total), read, done = known.todo_size(), 0, 0
+    progress("reading", 0, count, 0, total)
+    jobs = ((log, log.size) for log in known.todo())
     for group, outcome in place.map(work.read_all, jobs, how):
         if isinstance(outcome, Exception):
             sentence = f"{work.HERE} can't be read: {outcome}"
@@ -269,86 +196,50 @@ def _read(
         for log, result in zip(group, outcome):
             store.put(result)
             store.note(log, result, how.key)
-            results.append(filing.Entry(log, filing.without_summary(result)))
+            known.add_entry(filing.Entry(log, result))
+        read += len(group)
         done += sum(log.size for log in group)
-        progress("reading", len(results), len(todo), done, total)
-    return results
+        progress("reading", read, count, done, total)
+    known.end_todo()
+    return read
 
 
-def _refuse_nothing(filed: Filed) -> None:
-    if filed.days:
-        return
-    failed = [line.sentence for line in filed.lines if line.status == "failed"]
-    others = f", and {len(failed) - 1} more" if len(failed) > 1 else ""
-    raise FleetError(f"no log could be counted: {failed[0]}{others}")
+def _file(known: Scratch, how: work.How) -> None:
+    """Enters the line of each log, and which of them each day consists of.
+
+    Errors: `FleetError` where none counts.
+    """
+    known.clear_lines()
+    known.add_stray_lines(how.key)
+    for entry, note in known.entries():
+        line, part = filing.filed(entry, note, known.twin(entry.read.blake3), how.key)
+        if line is not None:
+            known.add_line(line)
+        if part is not None:
+            known.add_part(part, entry.log.url)
+    if known.machine_count() == 0:
+        raise _nothing(known)
 
 
-def _merge(place: Any, days: dict, store: Store, progress: Progress) -> None:
-    """Writes each day whose logs are others than before."""
-    for day in set(store.days()) - set(days):
-        store.drop_day(day)
-    changed = _changed(days, store)
-    all_jobs = sum(len(days[day]) for day in changed)
-    waiting: dict[str, list[work.Counted]] = {day: [] for day in changed}
-    jobs = _days(changed, days, store)
-    done = 0
-    for group, outcome in place.map(work.join, jobs):
-        if isinstance(outcome, Exception):
-            raise outcome
-        for counted in outcome:
-            waiting[counted.day].append(counted)
-            if len(waiting[counted.day]) == len(days[counted.day]):
-                digest = _digest(days[counted.day])
-                _write_day(store, counted.day, waiting.pop(counted.day), digest)
-        done += len(group)
-        progress("merging", done, all_jobs, done, all_jobs)
+def _nothing(known: Scratch) -> FleetError:
+    failed = known.told(1)
+    others = f", and {failed.bad - 1} more" if failed.bad > 1 else ""
+    return FleetError(f"no log could be counted: {failed.listed[0].sentence}{others}")
 
 
-def _changed(days: dict, store: Store) -> list[str]:
-    """The days that are not there, or of other logs."""
-    return [day for day in sorted(days) if store.digest(day) != _digest(days[day])]
-
-
-def _days(changed: list[str], days: dict, store: Store) -> Iterator[tuple[work.Day, int]]:
-    for day in changed:
-        for machine, parts in sorted(days[day].items()):
-            packed = tuple((store.summary(blake3), name) for blake3, name in parts)
-            size = sum(len(one) for one, _ in packed)
-            yield work.Day(machine, day, packed), MERGE_BYTES * len(packed) + 4 * size
-
-
-def _digest(machines: dict[str, filing.Parts]) -> str:
-    known = [SCHEMA.to_string(), sorted(machines.items())]
-    return hashlib.sha256(json.dumps(known).encode()).hexdigest()
-
-
-def _write_day(store: Store, day: str, counted: list[work.Counted], digest: str) -> None:
-    counted.sort(key=lambda one: one.machine)
-    figures = (row for one in counted for row in one.rows)
-    write_table(store.partition("figures", day), figures, SCHEMA, digest)
-    summaries = (
-        {"machine": one.machine, "day": day, "summary": work.unpack(one.summary)}
-        for one in counted
-    )
-    write_table(store.partition("summaries", day), summaries, SUMMARIES, digest, UNPACKED)
-
-
-def _outcome(made: page.Made, filed: Filed) -> Outcome:
-    lines = filed.lines
-
+def _outcome(made: page.Made, known: Scratch, read: int) -> Outcome:
     def of(*statuses: str) -> dict[str, str]:
-        wanted = [line for line in lines if line.status in statuses and line.sentence]
-        return {line.log: line.sentence for line in wanted}
+        return {line.log: line.sentence or "" for line in known.lines(*statuses)}
 
-    counted = [line for line in lines if line.status in ("counted", "incomplete")]
+    told = known.told(0)
     return Outcome(
         page=made.path,
         verdict=made.verdict,
-        machines=len({machine for machines in filed.days.values() for machine in machines}),
-        logs=len(counted),
-        frames=sum(line.frames for line in counted),
-        read=filed.read,
-        skipped=filed.entries - filed.read,
+        machines=known.machine_count(),
+        logs=told.counted,
+        frames=told.frames,
+        read=read,
+        skipped=known.entry_count() - read,
         failed=of("failed"),
         incomplete=of("incomplete"),
         notes=of("counted", "duplicate", "stray"),

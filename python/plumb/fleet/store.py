@@ -22,7 +22,6 @@ import json
 import os
 import pathlib
 import shutil
-import sys
 import tempfile
 import zlib
 from collections.abc import Iterable, Iterator
@@ -52,9 +51,6 @@ LEDGER = pyarrow.schema(
     ]
 )
 """Columns of logs.parquet."""
-
-SHARED = ("machine", "day", "status", "path_day", "key")
-"""Those that many rows have the same of."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,6 +100,10 @@ VERSION = 2
 """Version of what is kept of a log: that of the summaries. Another one is counted anew."""
 
 
+class Damaged(FleetError):
+    """The summary of a log can't be used; the text says which."""
+
+
 class Store:
     """The folder of a fleet."""
 
@@ -147,7 +147,7 @@ class Store:
     def summary(self, blake3: str) -> bytes:
         """The packed summary of a log.
 
-        Errors: `FleetError` where it is damaged; it is removed then.
+        Errors: `Damaged` where it can't be used; it is removed then.
         """
         place = self._place(blake3)
         try:
@@ -155,26 +155,14 @@ class Store:
             unpack(packed)
         except (OSError, zlib.error):
             place.unlink(missing_ok=True)
-            raise FleetError(f"{place} was damaged and is removed: run again") from None
+            raise Damaged(f"{place} was damaged and is removed: run again") from None
         return packed
-
-    def is_whole(self, blake3: str) -> bool:
-        """Whether the summary of a log can be used; one that can't is removed."""
-        try:
-            self.summary(blake3)
-        except FleetError:
-            return False
-        return True
 
     # Tables.
 
-    def ledger(self) -> dict[str, Line]:
-        """The lines of the last run, by log; none where there was no run."""
-        path = self.folder / "logs.parquet"
-        if not path.exists():
-            return {}
-        groups = _read_table(path).to_batches(max_chunksize=AT_ONCE)
-        return {row["log"]: _line(row) for group in groups for row in group.to_pylist()}
+    def ledger(self) -> Iterator[Line]:
+        """The lines of the last run; none where there was no run."""
+        return (Line(**row) for row in _rows(self.folder / "logs.parquet"))
 
     def note(self, log: Log, result: Read, key: str) -> None:
         """Keeps in a journal which content a log has, so that an interrupted run is gone on with."""
@@ -185,39 +173,34 @@ class Store:
         with (self.folder / JOURNAL).open("a", encoding="utf-8", errors="surrogateescape") as file:
             file.write(json.dumps(line) + "\n")
 
-    def journal(self) -> dict[str, Line]:
+    def journal(self) -> Iterator[Line]:
         """The logs of a run that was interrupted; a line that was cut is left out."""
         path = self.folder / JOURNAL
-        found: dict[str, Line] = {}
-        if path.exists():
-            for text in path.read_text(encoding="utf-8", errors="replace").splitlines():
+        if not path.exists():
+            return
+        with path.open(encoding="utf-8", errors="replace") as file:
+            for text in file:
                 with contextlib.suppress(ValueError, TypeError):
-                    line = Line(**json.loads(text))
-                    found[line.log] = line
-        return found
+                    fields = json.loads(text)
+                    if all(isinstance(value, (str, int)) for value in fields.values()):
+                        yield Line(**fields)
 
     def end_journal(self) -> None:
         """The lines of the run are written: the journal has ended."""
         (self.folder / JOURNAL).unlink(missing_ok=True)
 
-    def write_ledger(self, lines: list[Line]) -> None:
-        """Writes the lines, in the order of the logs."""
-        ordered = sorted(lines, key=lambda line: line.log)
-        rows = ({name: getattr(line, name) for name in LEDGER.names} for line in ordered)
+    def write_ledger(self, lines: Iterable[Line]) -> None:
+        """Writes the lines, which are in the order of the logs."""
+        rows = ({name: getattr(line, name) for name in LEDGER.names} for line in lines)
         write_table(self.folder / "logs.parquet", rows, LEDGER)
 
-    def machines(self) -> dict[str, dict[str, Any]]:
-        """What is known of the machines from manifests."""
-        path = self.folder / "machines.parquet"
-        if not path.exists():
-            return {}
-        rows = _read_table(path).to_pylist()
-        return {row.pop("machine"): row for row in rows}
+    def machines(self) -> Iterator[dict[str, Any]]:
+        """What is known of the machines from manifests, a row for each."""
+        return _rows(self.folder / "machines.parquet")
 
-    def write_machines(self, machines: dict[str, dict[str, Any]]) -> None:
-        """Writes what is known of the machines."""
-        rows = [{"machine": name} | about for name, about in sorted(machines.items())]
-        write_table(self.folder / "machines.parquet", rows, MACHINES)
+    def write_machines(self, machines: Iterable[dict[str, Any]]) -> None:
+        """Writes what is known of the machines, which are in their order."""
+        write_table(self.folder / "machines.parquet", machines, MACHINES)
 
     def partition(self, kind: str, day: str) -> pathlib.Path:
         """The file of a day, of `figures` or `summaries`."""
@@ -244,15 +227,13 @@ class Store:
         for kind in ("figures", "summaries"):
             shutil.rmtree(self.partition(kind, day).parent, ignore_errors=True)
 
-    def summaries(self, machine: str) -> list[bytes]:
+    def summaries(self, machine: str) -> Iterator[bytes]:
         """The summaries of a machine's days, in the order of the days."""
-        found = []
         for day in self.days():
             table = pyarrow.parquet.read_table(
                 self.partition("summaries", day), filters=[("machine", "=", machine)]
             )
-            found += table.column("summary").to_pylist()
-        return found
+            yield from table.column("summary").to_pylist()
 
 
 def refuse_other_kinds(folder: pathlib.Path) -> None:
@@ -272,16 +253,18 @@ def refuse_other_kinds(folder: pathlib.Path) -> None:
             raise FleetError(f"{path} is a file, and a folder has its place there: move it away")
 
 
-def _line(row: dict[str, Any]) -> Line:
-    """A row as a line; what many lines share is held once."""
-    shared = {name: row[name] and sys.intern(row[name]) for name in SHARED}
-    return Line(**(row | shared))
+def _rows(path: pathlib.Path) -> Iterator[dict[str, Any]]:
+    """The rows of a table, some of them in memory at once; none where it is not there.
 
-
-def _read_table(path: pathlib.Path) -> pyarrow.Table:
+    Errors: `FleetError` where it is damaged, or of another version of this package.
+    """
+    if not path.exists():
+        return
     refuse_other_format(path)
     try:
-        return pyarrow.parquet.ParquetFile(path).read()
+        with pyarrow.parquet.ParquetFile(path) as table:
+            for batch in table.iter_batches(AT_ONCE):
+                yield from batch.to_pylist()
     except (OSError, pyarrow.ArrowException) as why:
         raise _unreadable(path, why) from None
 

@@ -18,7 +18,7 @@ import tempfile
 import time
 import zlib
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Optional
 
 import fsspec
 
@@ -133,13 +133,17 @@ def _count(path: str, how: How) -> dict[str, Any]:
     }
 
 
+Part = tuple[bytes, Optional[str]]
+"""A packed summary with the name of its log, or without one where it is of several logs."""
+
+
 @dataclass(frozen=True)
 class Day:
-    """The logs of a machine's day: packed summaries, each with the name of its log."""
+    """The logs of a machine's day, or some of them."""
 
     machine: str
     day: str
-    parts: tuple[tuple[bytes, str], ...]
+    parts: tuple[Part, ...]
 
 
 @dataclass(frozen=True)
@@ -159,8 +163,23 @@ def join(days: list[Day]) -> list[Counted]:
     """
     joined = []
     for day in days:
-        parts = [(unpack(packed), name) for packed, name in day.parts]
-        summary = _plumb.merge_named(parts)
+        summary = _merged(day)
         figures = rows(day.machine, day.day, _plumb.figures(summary))
         joined.append(Counted(day.machine, day.day, pack(summary), figures))
     return joined
+
+
+def fold(days: list[Day]) -> list[Counted]:
+    """Merges some of the summaries of each day; figures are of whole days alone.
+
+    Errors: `plumb.Error` where one is no summary.
+    """
+    return [Counted(day.machine, day.day, pack(_merged(day)), []) for day in days]
+
+
+def _merged(day: Day) -> bytes:
+    named = [(unpack(packed), name) for packed, name in day.parts if name is not None]
+    others = [unpack(packed) for packed, name in day.parts if name is None]
+    if not others:
+        return _plumb.merge_named(named)
+    return _plumb.merge(others + ([_plumb.merge_named(named)] if named else []))
