@@ -35,7 +35,7 @@ ABOUT = ("model", "firmware", "certificate_sha256", "certificate_crc32", "calibr
 LISTED = 3
 """Names that a sentence has room for."""
 
-AT_ONCE = 1024
+AT_ONCE = 64
 """Rows of a manifest that are held in memory at once."""
 
 

@@ -338,7 +338,7 @@ class Scratch:
     def machines_of(self, day: str) -> Iterator[tuple[str, int]]:
         """The machines of a day, each with the number of its logs."""
         text = "select machine, count(*) from parts where day = ? group by machine order by machine"
-        yield from self._base.execute(text, (day,))
+        return ((machine, count) for machine, count in self._base.execute(text, (day,)))
 
     # What days are merged of.
 
@@ -366,7 +366,7 @@ class Scratch:
     def merged_summaries(self, day: str) -> Iterator[tuple[str, bytes]]:
         """Machines of a day with their packed summaries, in the order of the machines."""
         text = "select machine, summary from merged where day = ? order by machine"
-        yield from self._base.execute(text, (day,))
+        return ((machine, summary) for machine, summary in self._base.execute(text, (day,)))
 
     def end_day(self, day: str) -> None:
         """A day is written: what it was merged of is no longer needed."""

@@ -96,6 +96,9 @@ FORMAT = "2"
 AT_ONCE = 1024
 """Rows of a table that are held in memory at once."""
 
+AS_ROWS = 64
+"""Of these, rows that are held as dictionaries."""
+
 VERSION = 2
 """Version of what is kept of a log: that of the summaries. Another one is counted anew."""
 
@@ -263,7 +266,7 @@ def _rows(path: pathlib.Path) -> Iterator[dict[str, Any]]:
     refuse_other_format(path)
     try:
         with pyarrow.parquet.ParquetFile(path) as table:
-            for batch in table.iter_batches(AT_ONCE):
+            for batch in table.iter_batches(AS_ROWS):
                 yield from batch.to_pylist()
     except (OSError, pyarrow.ArrowException) as why:
         raise _unreadable(path, why) from None
@@ -299,14 +302,22 @@ def write_table(
 ) -> None:
     """Writes rows as Parquet; `inputs` stands in the metadata for what they were made of.
 
-    `at_once` rows are held in memory, and make a row group.
+    `at_once` rows make a row group, and are held in memory in columns.
     """
     schema = schema.with_metadata({"plumb-format": FORMAT, "plumb-inputs": inputs})
     left = iter(rows)
     with _replacing(path) as file:
         with pyarrow.parquet.ParquetWriter(file, schema, compression="zstd") as table:
-            while group := list(itertools.islice(left, at_once)):
-                table.write_table(pyarrow.Table.from_pylist(group, schema=schema))
+            while group := list(_batches(itertools.islice(left, at_once), schema)):
+                table.write_table(pyarrow.Table.from_batches(group, schema))
+
+
+def _batches(
+    rows: Iterator[dict[str, Any]], schema: pyarrow.Schema
+) -> Iterator[pyarrow.RecordBatch]:
+    """Rows in columns; a row as a dictionary takes ten times the room."""
+    while some := list(itertools.islice(rows, AS_ROWS)):
+        yield pyarrow.RecordBatch.from_pylist(some, schema=schema)
 
 
 def write(path: pathlib.Path, content: bytes) -> None:
