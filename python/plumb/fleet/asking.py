@@ -152,7 +152,8 @@ def _one(path: pathlib.Path, schema: pyarrow.Schema) -> str:
         refuse_other_format(path)
         return _parquet([path])
     # Without a table there is an empty one.
-    return f"select {', '.join(f'{_EMPTY[field.type]} as {field.name}' for field in schema)} limit 0"
+    columns = (f"{_EMPTY[field.type]} as {field.name}" for field in schema)
+    return f"select {', '.join(columns)} limit 0"
 
 
 _EMPTY = {pyarrow.string(): "''", pyarrow.int64(): "0"}
@@ -161,6 +162,6 @@ _EMPTY = {pyarrow.string(): "''", pyarrow.int64(): "0"}
 
 def _parquet(files: list[pathlib.Path]) -> str:
     """SQL for the rows of files, whatever letters are in their names."""
-    names = (re.sub(r"([*?\[])", r"[\1]", str(path.absolute())).replace("'", "''") for path in files)
-    listed = ", ".join(f"'{name}'" for name in names)
+    names = (re.sub(r"([*?\[])", r"[\1]", str(path.absolute())) for path in files)
+    listed = ", ".join("'" + name.replace("'", "''") + "'" for name in names)
     return f"select * from read_parquet([{listed}], hive_partitioning = false)"

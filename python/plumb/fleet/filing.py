@@ -51,16 +51,16 @@ def filed(
 ) -> tuple[Line | None, Part | None]:
     """The line of a log, and its part in a day where it counts.
 
-    `note` is what else is to be said of the log, and `twin` the log of the same content that counts.
-    A content counts once: for the first log in the order in which they are filed. One that is gone
-    and has a twin needs no line.
+    `note` is what else is to be said of the log, and `twin` the log of the same content that
+    counts. A content counts once: for the first log in the order in which they are filed. One that
+    is gone and has a twin needs no line.
     """
     log, read = entry.log, entry.read
     if twin is not None and read.error is None:
-        sentence = f"has the same content as {twin}: counted once"
-        return None if entry.gone else _line(entry, key, None, "duplicate", sentence), None
-    day, why = _day(log, read)
-    status, sentence = _verdict(entry, why)
+        why = f"has the same content as {twin}: counted once"
+        return None if entry.gone else _line(entry, key, None, "duplicate", why), None
+    day, said = _day(log, read)
+    status, sentence = _verdict(entry, said)
     if day is not None and note is not None:
         sentence = _joined(sentence, note)
     line = _line(entry, key, day, status, sentence)

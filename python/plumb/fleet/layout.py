@@ -115,7 +115,8 @@ def find(logs: str | os.PathLike[str], pattern: str = PATTERN) -> Iterator[Log |
     name = os.fspath(logs)
     system, root = _open(name)
     wanted = matcher(pattern)
-    is_any, strays, few = False, 0, []
+    is_any, strays = False, 0
+    few: list[str] = []
     for path, info in _files(system, root, name):
         below = path[len(root.rstrip("/")) :].lstrip("/")
         if any(part.startswith(".") for part in below.split("/")):

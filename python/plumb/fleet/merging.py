@@ -1,9 +1,9 @@
 """The days of the machines: the summaries of the logs of each merged, and written where they are
 others than before.
 
-In: the parts of the days in a `Scratch`, and the summaries of the logs in a `Store`. Out: the tables
-of each day. A machine's day is merged at a time, and one of many logs in several steps, which is
-exact in any grouping; what is done waits in the `Scratch` until its day is complete.
+In: the parts of the days in a `Scratch`, and the summaries of the logs in a `Store`. Out: the
+tables of each day. A machine's day is merged at a time, and one of many logs in several steps,
+which is exact in any grouping; what is done waits in the `Scratch` until its day is complete.
 
 Left out: which log counts on which day (`filing`), and the merge itself (`work`).
 """
@@ -14,7 +14,8 @@ import hashlib
 import itertools
 import json
 from collections.abc import Callable, Iterable, Iterator
-from typing import Any
+
+import pyarrow
 
 from . import work
 from .figures import SCHEMA
@@ -53,6 +54,8 @@ def merge(place: Place, scratch: Scratch, store: Store, progress: Progress) -> s
     merger = _Merger(scratch, store, changed)
     merger.fold(place, progress)
     merger.finish(place, progress)
+    # Arrow keeps what the tables needed, and the page needs as much again.
+    pyarrow.default_memory_pool().release_unused()
     return merger.damage
 
 

@@ -98,7 +98,7 @@ def _report(figures: Figures, rules: Rules, found: list[Visit], told: Told) -> R
         return figures.rows(question, **rules.parameters())
 
     [total] = figures.rows(TOTAL)
-    known = _known(figures, {visit.machine for visit in found})
+    known = _known(figures, [visit.machine for visit in found])
     return {
         "format": FORMAT,
         "version": VERSION,
@@ -125,12 +125,14 @@ TOTAL = """select count(distinct machine) as machines, count(distinct date) as d
     from machine_days"""
 
 KNOWN = """select machine, arg_max(model, day) as model, arg_max(firmware, day) as firmware
-    from machine_days group by machine"""
+    from machine_days where list_contains($machines, machine) group by machine"""
 
 
-def _known(figures: Figures, machines: set[str]) -> dict[str, Row]:
+def _known(figures: Figures, machines: list[str]) -> dict[str, Row]:
     """Model and firmware of these machines."""
-    return {row["machine"]: row for row in figures.rows(KNOWN) if row["machine"] in machines}
+    if not machines:
+        return {}
+    return {row["machine"]: row for row in figures.rows(KNOWN, machines=machines)}
 
 
 def _plural(count: int, one: str, many: str) -> str:

@@ -178,11 +178,10 @@ def opened(scheduler: str | Place | None, workers: int) -> Iterator[Place]:
     except ImportError:
         raise FleetError("Dask is not installed: type pip install 'plumb[fleet]'") from None
     with _quiet(), contextlib.ExitStack() as stack:
-        is_own = scheduler is None
-        address = stack.enter_context(local(workers)) if is_own else scheduler
+        address = stack.enter_context(local(workers)) if scheduler is None else scheduler
         client = stack.enter_context(_client(address))
         try:
-            client.wait_for_workers(workers if is_own else 1, timeout=3 * ANSWER_S)
+            client.wait_for_workers(workers if scheduler is None else 1, timeout=3 * ANSWER_S)
         except (TimeoutError, OSError):
             raise FleetError(f"the scheduler {address} has no worker: start one there") from None
         yield Dask(client, address)

@@ -121,7 +121,8 @@ class Scratch:
 
     def _add_log(self, log: Log) -> None:
         """Enters a log. Of two with the same place the first one counts, which is noted."""
-        added = self._base.execute("insert or ignore into logs values (?, ?, ?, ?, ?, ?)", _row(log))
+        text = "insert or ignore into logs values (?, ?, ?, ?, ?, ?)"
+        added = self._base.execute(text, _row(log))
         if added.rowcount:
             return
         first = self._one("select machine from logs where url = ?", log.url)
@@ -316,7 +317,8 @@ class Scratch:
             coalesce(sum(frames * (status in ('counted', 'incomplete'))), 0),
             coalesce(sum(status in ('failed', 'incomplete')), 0),
             coalesce(sum(sentence <> ''), 0) from lines"""
-        return Told(*self._base.execute(text).fetchone(), listed)
+        counted, frames, bad, noted = self._base.execute(text).fetchone()
+        return Told(counted, frames, bad, noted, listed)
 
     def days(self) -> list[str]:
         """The days that logs count on."""
@@ -383,12 +385,12 @@ def _row(log: Log) -> tuple[Any, ...]:
 
 
 def _log(row: Iterable[Any]) -> Log:
-    *values, local = row
-    return Log(*values, bool(local))
+    url, machine, day, size, stamp, local = row
+    return Log(url, machine, day, size, stamp, bool(local))
 
 
 def _entry(row: tuple[Any, ...]) -> Entry:
     gone, blake3, settled, frames, first, last, incomplete, error = row[6:]
-    times = [None if ns is None else int(ns) for ns in (first, last)]
-    read = Read(blake3, bool(settled), frames, *times, None, incomplete, error)
+    first_ns, last_ns = (None if ns is None else int(ns) for ns in (first, last))
+    read = Read(blake3, bool(settled), frames, first_ns, last_ns, None, incomplete, error)
     return Entry(_log(row[:6]), read, bool(gone))
