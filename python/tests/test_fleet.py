@@ -88,7 +88,8 @@ def test_an_interrupted_run_is_gone_on_with(logs: pathlib.Path, tmp_path: pathli
     with pytest.raises(KeyboardInterrupt):
         run(logs, out, progress=interrupt)
     assert not (out / "report.html").exists() and not (out / "figures").exists()
-    (out / store.JOURNAL).open("a").write('{"log": "cut')
+    with (out / store.JOURNAL).open("a") as file:
+        file.write('[1]\n{"log": ["x"], "key": "k"}\n{"log": "cut')
     outcome = run(logs, out)
     assert (outcome.read, outcome.skipped) == (7, 5)
     run(logs, tmp_path / "fresh")

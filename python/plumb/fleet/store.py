@@ -183,7 +183,7 @@ class Store:
             return
         with path.open(encoding="utf-8", errors="replace") as file:
             for text in file:
-                with contextlib.suppress(ValueError, TypeError):
+                with contextlib.suppress(ValueError, TypeError, AttributeError):
                     fields = json.loads(text)
                     if all(isinstance(value, (str, int)) for value in fields.values()):
                         yield Line(**fields)
