@@ -1,10 +1,13 @@
-//! `report.html` and `report.json` on disk.
+//! Files on disk that appear whole or not at all; `report.html` and `report.json` above all.
 //!
-//! In: a report and a folder, which is made when it is not there. Out: both files, or an error
-//! that names the path and says what to do. Each file is written under another name in the same
-//! folder and renamed when it is complete, so nobody ever finds half a report.
+//! In: a report and a folder, which is made when it is not there; or any file. Out: the files, or
+//! an error that names the path and says what to do. Each file is written under another name in the
+//! same folder and renamed when it is complete, so nobody ever finds half a report, and what was
+//! there before stays until then. A link stays, and the file it leads to is replaced. A device, a
+//! pipe or an open file of the process is never replaced: [`save`] writes into it, all others
+//! refuse it ([`NoPlace`]).
 
-use std::fs;
+use std::fs::{self, File, OpenOptions};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
@@ -66,10 +69,13 @@ fn shown(path: &Path) -> String {
 /// written. Leaves nothing behind but the folder.
 pub fn try_folder(folder: &Path) -> Result<(), WriteError> {
     fs::create_dir_all(folder).map_err(|why| WriteError::Folder(folder.to_owned(), why))?;
-    let place = folder.join("report.json");
-    match Staged::write(&place, "") {
-        Ok(_) => Ok(()),
-        Err(why) => Err(WriteError::File(place, why)),
+    staged(folder.join("report.json"), "").map(drop)
+}
+
+fn staged(place: PathBuf, text: &str) -> Result<Staged, WriteError> {
+    match check_place(&place) {
+        Err(why) => Err(WriteError::Replace(place, why.into())),
+        Ok(_) => Staged::write(&place, text).map_err(|why| WriteError::File(place, why)),
     }
 }
 
@@ -92,23 +98,84 @@ pub fn both(folder: &Path, html: &str, report: &impl Serialize) -> Result<Writte
 /// Errors: see [`WriteError`].
 pub fn together(folder: &Path, files: &[(&str, &str)]) -> Result<(), WriteError> {
     fs::create_dir_all(folder).map_err(|why| WriteError::Folder(folder.to_owned(), why))?;
-    let mut staged = Vec::new();
+    let mut complete = Vec::new();
     for (name, text) in files {
         let place = folder.join(name);
-        if place.is_dir() {
-            let why = io::Error::from(io::ErrorKind::IsADirectory);
-            return Err(WriteError::Replace(place, why));
-        }
-        let file = Staged::write(&place, text);
-        staged.push((
-            file.map_err(|why| WriteError::File(place.clone(), why))?,
-            place,
-        ));
+        complete.push((staged(place.clone(), text)?, place));
     }
-    staged.into_iter().try_for_each(|(file, place)| {
+    complete.into_iter().try_for_each(|(file, place)| {
         let placed = file.put_in_place();
         placed.map_err(|why| WriteError::Replace(place, why))
     })
+}
+
+/// Why a place takes no file.
+#[derive(Debug, thiserror::Error)]
+pub enum NoPlace {
+    /// A link to what is not there.
+    #[error("the link leads nowhere")]
+    Link,
+    /// A folder.
+    #[error("it is a folder")]
+    Folder,
+    /// A device, a pipe, or an open file of the process as `/dev/stdout` names it.
+    #[error("it is no regular file")]
+    Special,
+    /// A file that may not be written, or what else the system says.
+    #[error("{0}")]
+    System(#[from] io::Error),
+}
+
+impl From<NoPlace> for io::Error {
+    fn from(why: NoPlace) -> Self {
+        match why {
+            NoPlace::System(why) => why,
+            NoPlace::Folder => Self::new(io::ErrorKind::IsADirectory, why),
+            NoPlace::Link | NoPlace::Special => Self::new(io::ErrorKind::InvalidInput, why),
+        }
+    }
+}
+
+/// Refuses a place that holds anything but a regular file that may be written: a rename would
+/// replace it all the same.
+///
+/// Out: where the file itself is, which is elsewhere for a link.
+///
+/// Errors: see [`NoPlace`].
+pub fn check_place(place: &Path) -> Result<PathBuf, NoPlace> {
+    if fs::symlink_metadata(place).is_err() {
+        return Ok(place.to_owned());
+    }
+    let about = fs::metadata(place).map_err(|_| NoPlace::Link)?;
+    if about.is_dir() {
+        return Err(NoPlace::Folder);
+    }
+    if !about.is_file() || is_open_file(place) {
+        return Err(NoPlace::Special);
+    }
+    OpenOptions::new().write(true).open(place)?;
+    Ok(place.canonicalize()?)
+}
+
+/// Whether the path names an open file of a process, as `/dev/stdout` and `/dev/fd/3` do: whoever
+/// has opened it would go on with the old file after a rename.
+fn is_open_file(path: &Path) -> bool {
+    let folder = folder_of(path);
+    let is_of_process = folder
+        .canonicalize()
+        .is_ok_and(|folder| folder.starts_with("/proc") || folder == Path::new("/dev/fd"));
+    is_of_process || fs::read_link(path).is_ok_and(|to| is_open_file(&folder.join(to)))
+}
+
+/// Writes a file, which appears whole or not at all. What is there and is neither a regular file
+/// nor a folder, as a device or a pipe, is written into.
+///
+/// Errors: what the system says, or why nothing can be replaced there.
+pub fn save(place: &Path, content: impl AsRef<[u8]>) -> io::Result<()> {
+    match check_place(place) {
+        Err(NoPlace::Special) => fs::write(place, content),
+        _ => Staged::write(place, content).and_then(Staged::put_in_place),
+    }
 }
 
 /// A complete file beside its place, under a name of its own; removed again unless it is put in
@@ -120,15 +187,42 @@ pub struct Staged {
 }
 
 impl Staged {
-    /// Writes a file beside `place`, hidden, with the rights of any new file.
+    /// Begins an empty file beside `place`, hidden, with the rights of the file that it is to
+    /// replace, or of any new one.
+    ///
+    /// Errors: a place of which [`NoPlace`] tells, or what the system says.
+    pub fn begin(place: &Path) -> io::Result<Self> {
+        let place = check_place(place)?;
+        let file = beside(&place)?;
+        if let Ok(old) = fs::metadata(&place) {
+            // Some file systems know no rights.
+            let _ = file.as_file().set_permissions(old.permissions());
+        }
+        Ok(Self { file, place })
+    }
+
+    /// Writes a file beside `place`, see [`Staged::begin`]; it is on the disk then.
+    ///
+    /// Errors: as [`Staged::begin`].
+    pub fn write(place: &Path, content: impl AsRef<[u8]>) -> io::Result<Self> {
+        let mut staged = Self::begin(place)?;
+        staged.file.as_file_mut().write_all(content.as_ref())?;
+        staged.sync()?;
+        Ok(staged)
+    }
+
+    /// The file, for what is written to it piece by piece.
     ///
     /// Errors: what the system says.
-    pub fn write(place: &Path, text: &str) -> io::Result<Self> {
-        let mut file = beside(place)?;
-        file.write_all(text.as_bytes())?;
-        file.as_file().sync_all()?;
-        let place = place.to_owned();
-        Ok(Self { file, place })
+    pub fn handle(&self) -> io::Result<File> {
+        self.file.as_file().try_clone()
+    }
+
+    /// Waits until what was written is on the disk.
+    ///
+    /// Errors: what the system says, above all that the disk is full.
+    pub fn sync(&self) -> io::Result<()> {
+        self.file.as_file().sync_all()
     }
 
     /// Puts the file in its place, where it replaces an older one.
@@ -142,13 +236,20 @@ impl Staged {
 
 fn beside(place: &Path) -> io::Result<NamedTempFile> {
     let name = place.file_name().ok_or(io::ErrorKind::InvalidFilename)?;
-    let folder = place.parent().filter(|folder| *folder != Path::new(""));
-    let prefix = format!(".{}.", name.to_string_lossy());
+    // As much of it as leaves room for the rest of a name.
+    let name: String = name.to_string_lossy().chars().take(40).collect();
+    let prefix = format!(".{name}.");
     let mut builder = tempfile::Builder::new();
     builder.prefix(&prefix).suffix(".part");
-    #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    builder.tempfile_in(folder.unwrap_or(Path::new(".")))
+    // `tempfile_in` would put this file's name into the errors, which nobody has given.
+    builder.make_in(folder_of(place), |path| {
+        OpenOptions::new().write(true).create_new(true).open(path)
+    })
+}
+
+fn folder_of(place: &Path) -> &Path {
+    let folder = place.parent().filter(|folder| *folder != Path::new(""));
+    folder.unwrap_or(Path::new("."))
 }
 
 #[cfg(test)]
@@ -202,6 +303,90 @@ mod tests {
         );
         assert_eq!(fs::read_to_string(at("report.json")).unwrap(), "old");
         assert_eq!(names(folder.path()), ["report.html", "report.json"]);
+    }
+
+    #[test]
+    #[cfg(unix)]
+    fn a_link_was_replaced_by_a_file() {
+        use std::os::unix::fs::{PermissionsExt, symlink};
+        let folder = tempfile::tempdir().unwrap();
+        let [file, link] = ["file", "link"].map(|name| folder.path().join(name));
+        fs::write(&file, "old").unwrap();
+        fs::set_permissions(&file, PermissionsExt::from_mode(0o600)).unwrap();
+        symlink(&file, &link).unwrap();
+        save(&link, "new").unwrap();
+        assert_eq!(fs::read_link(&link).unwrap(), file);
+        assert_eq!(fs::read_to_string(&file).unwrap(), "new");
+        let mode = fs::metadata(&file).unwrap().permissions().mode();
+        assert_eq!(mode & 0o777, 0o600);
+        fs::remove_file(&file).unwrap();
+        let told = save(&link, "newer").unwrap_err();
+        assert_eq!(told.to_string(), "the link leads nowhere");
+        assert_eq!(names(folder.path()), ["link"]);
+    }
+
+    #[test]
+    #[cfg(unix)]
+    fn a_pipe_or_device_was_replaced_by_a_file() {
+        use std::os::unix::fs::FileTypeExt as _;
+        let folder = tempfile::tempdir().unwrap();
+        let pipe = folder.path().join("report.json");
+        let made = std::process::Command::new("mkfifo").arg(&pipe).status();
+        assert!(made.is_ok_and(|status| status.success()), "no mkfifo here");
+        let told = Staged::write(&pipe, "new").unwrap_err();
+        assert_eq!(told.to_string(), "it is no regular file");
+        for told in [
+            both(folder.path(), "", &OLD).map(drop),
+            try_folder(folder.path()),
+        ] {
+            assert!(matches!(told, Err(WriteError::Replace(..))), "{told:?}");
+        }
+        assert!(fs::metadata(&pipe).unwrap().file_type().is_fifo());
+        assert_eq!(names(folder.path()), ["report.json"]);
+    }
+
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn an_open_file_and_a_device_are_written_into() {
+        use std::io::Read as _;
+        use std::os::fd::AsRawFd as _;
+        let folder = tempfile::tempdir().unwrap();
+        let mut file = File::create_new(folder.path().join("out")).unwrap();
+        let place = PathBuf::from(format!("/proc/self/fd/{}", file.as_raw_fd()));
+        assert!(matches!(check_place(&place), Err(NoPlace::Special)));
+        save(&place, "text").unwrap();
+        file.write_all(b"T").unwrap();
+        let mut text = String::new();
+        let mut again = File::open(folder.path().join("out")).unwrap();
+        again.read_to_string(&mut text).unwrap();
+        assert_eq!(text, "Text");
+        assert!(matches!(
+            check_place(Path::new("/dev/full")),
+            Err(NoPlace::Special)
+        ));
+        let told = save(Path::new("/dev/full"), "text").unwrap_err();
+        assert_eq!(told.kind(), io::ErrorKind::StorageFull);
+    }
+
+    #[test]
+    fn a_file_that_may_not_be_written_is_not_replaced_either() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("file");
+        fs::write(&file, "old").unwrap();
+        let mut rights = fs::metadata(&file).unwrap().permissions();
+        rights.set_readonly(true);
+        fs::set_permissions(&file, rights).unwrap();
+        // Root may.
+        let may = OpenOptions::new().write(true).open(&file).is_ok();
+        assert_eq!(save(&file, "new").is_ok(), may);
+        let left = fs::read_to_string(&file).unwrap();
+        assert_eq!(left, if may { "new" } else { "old" });
+    }
+
+    #[test]
+    fn a_long_name_can_be_written() {
+        let folder = tempfile::tempdir().unwrap();
+        save(&folder.path().join("n".repeat(255)), "text").unwrap();
     }
 
     #[test]

@@ -127,7 +127,7 @@ impl Arguments {
         if inputs.any(|input| is_same(input, save)) {
             return refuse(save, Problem::SaveOverInput);
         }
-        calibration_file::check_place(save).map(drop)
+        calibration_file::check_place(save)
     }
 }
 

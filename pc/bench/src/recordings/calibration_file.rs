@@ -12,7 +12,7 @@
 
 use std::fs;
 use std::io::{self, Read};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
@@ -25,7 +25,7 @@ use tilt::uncertainty::{Budget, Span, TCO, Uncertainty};
 use tilt::vector::Vector;
 
 use super::error::{FileError, Impossible, Problem};
-use output::write::Staged;
+use output::write::{self, Staged};
 
 /// What `format` says.
 pub const FORMAT: &str = "plumb-calibration";
@@ -438,30 +438,16 @@ fn bytes(path: &Path) -> Result<Vec<u8>, Problem> {
     Ok(text)
 }
 
-/// Refuses a place that holds anything but a regular file: a rename would replace a device.
-///
-/// Out: where the file itself is, which is elsewhere for a link. A link that leads nowhere is
-/// refused as well.
-pub fn check_place(path: &Path) -> Result<PathBuf, FileError> {
-    let fail = |why: &str| not_written(path)(Problem::NotWritable(why.to_owned()));
-    if fs::symlink_metadata(path).is_err() {
-        return Ok(path.to_owned());
-    }
-    let about = fs::metadata(path).map_err(|_| fail("the link leads nowhere"))?;
-    if about.is_dir() {
-        return Err(fail("it is a folder"));
-    }
-    if !about.is_file() {
-        return Err(fail("it is no regular file"));
-    }
-    let place = path.canonicalize();
-    place.map_err(|error| not_written(path)(Problem::not_writable(&error)))
+/// Refuses a place where no calibration can be saved, see [`NoPlace`](output::write::NoPlace).
+pub fn check_place(path: &Path) -> Result<(), FileError> {
+    let place = write::check_place(path).map(drop);
+    place.map_err(|why| not_written(path)(Problem::not_writable(&why.into())))
 }
 
 /// Writes a calibration file beside its place.
 pub fn stage(path: &Path, channels: &[Channel]) -> Result<Staged, FileError> {
     let text = to_text(channels).map_err(not_written(path))?;
-    let file = Staged::write(&check_place(path)?, &text);
+    let file = Staged::write(path, &text);
     file.map_err(|error| not_written(path)(Problem::not_writable(&error)))
 }
 
