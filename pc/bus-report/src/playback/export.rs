@@ -17,11 +17,12 @@ use super::summary::Summary;
 use bus_logs::{Format, Logged, Writer};
 use listen::Meaning;
 use listen::eds::Device;
+use output::write::Staged;
 
 /// A table under way.
 pub struct Export {
     path: PathBuf,
-    beside: PathBuf,
+    staged: Staged,
     table: Table,
     made: Rows,
     rows: u64,
@@ -67,11 +68,9 @@ impl Export {
         }
         let made = Rows::new(devices);
         let signals = made.signals();
-        let mut beside = path.as_os_str().to_owned();
-        beside.push(".part");
-        let beside = PathBuf::from(beside);
         let failed = |why| PlaybackError::Export(path.display().to_string(), why);
-        let file = File::create(&beside).map_err(failed)?;
+        let staged = Staged::begin(path).map_err(failed)?;
+        let file = staged.handle().map_err(failed)?;
         let buffered = |file| BufWriter::with_capacity(1 << 18, file);
         let table = match ending.as_str() {
             "csv" => {
@@ -84,7 +83,7 @@ impl Export {
         };
         Ok(Self {
             path: path.to_owned(),
-            beside,
+            staged,
             table,
             made,
             rows: 0,
@@ -130,7 +129,9 @@ impl Export {
             Table::Parquet(file) => file.finish().map_err(failed)?,
             Table::Log(log) => drop(log.finish().map_err(failed)?),
         }
-        std::fs::rename(&self.beside, &self.path).map_err(failed)?;
+        let placed = self.staged.sync();
+        let placed = placed.and_then(|()| self.staged.put_in_place());
+        placed.map_err(failed)?;
         Ok(Exported {
             file: self.path.display().to_string(),
             rows: self.rows,
