@@ -8,11 +8,12 @@
 //! Left out: the downloaded program, and what a script has broken.
 
 use std::fs;
-use std::io;
+use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 
 use device::records::{Record, RecordStore};
 use flash::check_sum::Crc32;
+use output::write::Staged;
 use sim::memory::{self, Memory};
 
 use super::stage::Stage;
@@ -127,11 +128,16 @@ fn store(path: &Path, bytes: &[u8]) -> Result<(), ServeError> {
     let written = if bytes.is_empty() {
         fs::remove_file(path)
     } else {
-        let new = path.with_extension("new");
-        fs::write(&new, [head(bytes).as_bytes(), bytes].concat())
-            .and_then(|()| fs::rename(&new, path))
+        replace(path, &[head(bytes).as_bytes(), bytes].concat())
     };
     written.map_err(|e| ServeError::Keep(path.to_owned(), e))
+}
+
+/// Does not wait for the disk, since the nodes would stand still meanwhile.
+fn replace(path: &Path, content: &[u8]) -> io::Result<()> {
+    let staged = Staged::begin(path)?;
+    staged.handle()?.write_all(content)?;
+    staged.put_in_place()
 }
 
 #[cfg(test)]
@@ -155,6 +161,16 @@ mod tests {
         assert!(told.contains("b-lss is damaged"), "{told}");
         store(&path, &[]).unwrap();
         assert!(Keep::open(&folder, 2).is_ok());
+        fs::remove_dir_all(&folder).unwrap();
+    }
+
+    #[test]
+    fn a_record_that_could_not_be_kept_left_a_file() {
+        let folder = std::env::temp_dir().join(format!("plumb-kept-not-{}", std::process::id()));
+        let path = folder.join("b-lss");
+        fs::create_dir_all(&path).unwrap();
+        assert!(matches!(store(&path, &[1]), Err(ServeError::Keep(..))));
+        assert_eq!(fs::read_dir(&folder).unwrap().count(), 1);
         fs::remove_dir_all(&folder).unwrap();
     }
 }
