@@ -12,7 +12,7 @@ use super::reading::Upset;
 use super::scpi::DeviceError;
 use bus_master::JoinError;
 use bus_master::sdo::SdoError;
-use output::write::WriteError;
+use output::write::{NoPlace, WriteError};
 
 /// Why there is no calibration, or no temperature model.
 #[derive(Debug, thiserror::Error)]
@@ -100,6 +100,9 @@ pub enum CalibrateError {
     /// A file says nothing of a node's serial number.
     #[error("{0} has no entry for node {1} with the serial number {2}")]
     Unknown(PathBuf, u8, u32),
+    /// The file of --keep can't be written there.
+    #[error("cannot write {0}: {1}; choose another file with --keep")]
+    Keep(PathBuf, NoPlace),
     /// A file of an earlier calibration, and what else to name.
     #[error("{0} is there already: choose another {1}, or replace it with --force")]
     Earlier(PathBuf, &'static str),

@@ -19,6 +19,7 @@ use super::kept::{self, Kept, KeptNode};
 use super::session::Session;
 use super::{dcc, page};
 use bus_master::BusOptions;
+use output::write::check_place;
 use output::{hex, stdout};
 
 /// More or fewer nodes than an instrument has.
@@ -143,6 +144,8 @@ impl Common {
         if path.symlink_metadata().is_ok() && !self.force {
             return Err(CalibrateError::Earlier(path.to_owned(), "file with --keep"));
         }
+        // Before the nodes are asked.
+        check_place(path).map_err(|why| CalibrateError::Keep(path.to_owned(), why))?;
         let mut session = self.open(ids)?;
         let kept = kept::as_found(&session);
         session.leave();
