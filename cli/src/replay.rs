@@ -131,8 +131,7 @@ impl Arguments {
 pub fn are_logs(arguments: &Arguments) -> Result<bool, ReplayError> {
     let name = |path: &Path| path.display().to_string();
     for file in arguments.files.iter().filter(|file| file.is_file()) {
-        if let Ok(Some(format)) = bus_logs::foreign(file) {
-            let why = bus_logs::LogError::Foreign(name(file), format);
+        if let Ok(Some(why)) = bus_logs::refusal(file) {
             return Err(ReplayError::Log(why.into()));
         }
     }

@@ -213,6 +213,9 @@ fn what_can_not_be_read_is_one_sentence_and_status_2() {
         &["note.txt", "no object"],
     );
     refused(&[&log, "--onto", "127.0.0.1:1"], &["127.0.0.1:1"]);
+    let words = ["is UTF-16 text", "convert it to UTF-8"];
+    refused(&[&wide], &words);
+    refused(&[&log, &wide], &words);
     let input = std::fs::File::open(wide).unwrap();
     let (status, _, err) = said(&plumb(&["replay", "-"]).stdin(input).output().unwrap());
     assert_eq!(status, Some(2));

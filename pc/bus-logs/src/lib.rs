@@ -39,6 +39,6 @@ pub use pace::{LONGEST_GAP_S, PaceOptions, gap, speed};
 pub use part::{Moment, Part, PartOptions};
 pub use player::{PlayOptions, Player};
 pub use skipped::{Damage, Skip, Skipped, Tally};
-pub use sniff::{foreign, kind_of};
+pub use sniff::{kind_of, refusal};
 pub use source::Source;
 pub use writer::{Format, Writer};

@@ -7,6 +7,7 @@ use std::path::Path;
 
 use crate::asc::Asc;
 use crate::candump;
+use crate::error::LogError;
 use crate::input::Input;
 use crate::skipped::Skip;
 
@@ -30,6 +31,17 @@ pub struct Head {
     pub is_wide: bool,
     /// The format of a log that is not read.
     pub foreign: Option<&'static str>,
+}
+
+impl Head {
+    /// Why a file of this name with this head is refused, if it is.
+    pub fn refusal(&self, name: &str) -> Option<LogError> {
+        let name = || name.to_owned();
+        if self.is_wide {
+            return Some(LogError::Wide(name()));
+        }
+        self.foreign.map(|format| LogError::Foreign(name(), format))
+    }
 }
 
 /// What logs begin with that are often met and not read.
@@ -88,10 +100,11 @@ fn is_asc_header(line: &[u8]) -> bool {
     line.starts_with(b"base hex") || line.starts_with(b"base dec")
 }
 
-/// The format of a log that is not read; `None` of any other file.
-pub fn foreign(path: &Path) -> io::Result<Option<&'static str>> {
+/// Why a file is read neither as a log nor as anything else: it is UTF-16, or a log of a format
+/// that is not read. `None` of any other file.
+pub fn refusal(path: &Path) -> io::Result<Option<LogError>> {
     let mut input = Input::open(path, None)?;
-    Ok(look(input.head()?).foreign)
+    Ok(look(input.head()?).refusal(&path.display().to_string()))
 }
 
 /// What kind of log a file is; `None` when it is none.

@@ -185,14 +185,9 @@ impl Source {
             Err(why) => return Err(cannot_read(&path, why)),
         };
         let Some(kind) = head.kind else {
-            if head.is_wide && candidate.is_named {
-                return Err(LogError::Wide(name));
-            }
-            if let (Some(format), true) = (head.foreign, candidate.is_named) {
-                return Err(LogError::Foreign(name, format));
-            }
             if candidate.is_named {
-                return Err(LogError::NotALog(name));
+                let refusal = head.refusal(&name);
+                return Err(refusal.unwrap_or(LogError::NotALog(name)));
             }
             self.skipped.not_logs.push(name);
             return Ok(());
