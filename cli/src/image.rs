@@ -20,7 +20,7 @@ use sim::memory::{DEVELOPMENT, HARDWARE, SICK, SOUND, public_key, sign, unsigned
 
 use crate::update::UpdateError;
 use crate::update::file;
-use output::{hex, stdout};
+use output::{hex, stdout, write};
 
 /// What is built.
 #[derive(Clone, Debug, Args)]
@@ -137,12 +137,21 @@ impl Done {
 /// Why no file was written.
 #[derive(Debug, thiserror::Error)]
 pub enum ImageError {
-    /// A file can't be read or written.
+    /// A file can't be read.
     #[error("cannot use {path}: {1}", path = .0.display())]
     File(PathBuf, io::Error),
+    /// The file can't be written.
+    #[error("cannot write {path}: {1}; make room or choose another file", path = .0.display())]
+    Write(PathBuf, io::Error),
     /// A file is no secret key.
     #[error("{path} is no secret key: write 64 hexadecimal digits", path = .0.display())]
     Key(PathBuf),
+    /// A key that is no secret, and signs nothing.
+    #[error(
+        "{path} is all zeros, which is no secret key: write 64 random hexadecimal digits",
+        path = .0.display()
+    )]
+    Zeros(PathBuf),
     /// A file holds no body.
     #[error("{path} is empty", path = .0.display())]
     Empty(PathBuf),
@@ -213,8 +222,8 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, ImageError> {
     let is_other = is_other && !images.iter().all(|image| accepts(image, &public));
     let file = images.concat();
     let length = file.len();
-    let written = fs::write(out, file);
-    written.map_err(|error| ImageError::File(out.clone(), error))?;
+    let written = write::save(out, file);
+    written.map_err(|error| ImageError::Write(out.clone(), error))?;
     if arguments.is_signed_for_all() {
         eprintln!("{SIGNED_FOR_ALL}");
     } else if is_other {
@@ -303,7 +312,11 @@ fn secret(path: &Path) -> Result<[u8; 32], ImageError> {
     let text = read(path)?;
     let bytes = hex::bytes(text.trim_ascii());
     let key = bytes.and_then(|bytes| bytes.try_into().ok());
-    key.ok_or_else(|| ImageError::Key(path.to_owned()))
+    match key {
+        Some(key) if key == [0; 32] => Err(ImageError::Zeros(path.to_owned())),
+        Some(key) => Ok(key),
+        None => Err(ImageError::Key(path.to_owned())),
+    }
 }
 
 #[cfg(test)]
@@ -352,6 +365,16 @@ mod tests {
             hex::digits(&public_key(&key.unwrap())),
             "d75a980182b10ab7d54bfed3c964073a0ee172f3daa62325af021a68f707511a"
         );
+    }
+
+    #[test]
+    fn a_key_of_zeros_ended_in_a_panic() {
+        let file = std::env::temp_dir().join(format!("plumb-zeros-{}", std::process::id()));
+        fs::write(&file, "0".repeat(64)).unwrap();
+        let told = secret(&file).unwrap_err();
+        fs::remove_file(&file).unwrap();
+        assert!(matches!(told, ImageError::Zeros(_)));
+        assert_eq!(told.to_string().lines().count(), 1);
     }
 
     #[test]
