@@ -14,7 +14,7 @@ use std::process::ExitCode;
 use clap::{Args, ValueEnum};
 use device::objects::table::{self, Channel, Models};
 
-use output::stdout;
+use output::{stdout, write};
 
 /// What to describe, and where to put it.
 #[derive(Clone, Debug, Args)]
@@ -111,7 +111,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, DescribeError> {
     let text = text(arguments)?;
     match &arguments.output {
         Some(path) => {
-            std::fs::write(path, text).map_err(|why| DescribeError::Write(path.clone(), why))?;
+            write::save(path, text).map_err(|why| DescribeError::Write(path.clone(), why))?;
         }
         None => stdout::print(&text).map_err(DescribeError::Print)?,
     }

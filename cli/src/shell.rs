@@ -15,6 +15,7 @@ use clap_complete::Shell;
 use clap_mangen::Man;
 
 use output::stdout;
+use output::write::Staged;
 
 /// Which shell.
 #[derive(Clone, Debug, Args)]
@@ -132,7 +133,8 @@ fn write_all(folder: &Path, pages: &[Page]) -> Result<ExitCode, ShellError> {
     fs::create_dir_all(folder).map_err(|why| failed(folder, why))?;
     for page in pages {
         let path = folder.join(&page.name);
-        fs::write(&path, &page.text).map_err(|why| failed(&path, why))?;
+        let written = Staged::write(&path, &page.text).and_then(Staged::put_in_place);
+        written.map_err(|why| failed(&path, why))?;
     }
     Ok(ExitCode::SUCCESS)
 }

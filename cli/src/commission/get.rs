@@ -5,7 +5,6 @@
 //!
 //! Left out: what the bytes of a DOMAIN mean.
 
-use std::fs;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -23,6 +22,7 @@ use codes::name::{self, Named};
 use codes::value::Shown;
 use output::hex;
 use output::table::{Cell, Column, Table};
+use output::write;
 
 /// What is read.
 #[derive(Clone, Debug, Args)]
@@ -183,7 +183,7 @@ fn save(bus: &mut Bus, node: u8, object: &Named, path: &PathBuf) -> Result<(), C
         Ok(bytes) => bytes,
         Err(code) => return Err(CommissionError::Refused(node, object.name.clone(), code)),
     };
-    fs::write(path, &bytes).map_err(|why| CommissionError::Write(path.clone(), why))?;
+    write::save(path, &bytes).map_err(|why| CommissionError::Write(path.clone(), why))?;
     let name = &object.name;
     answer::text(&format!("{} bytes of {name} of node {node}\n", bytes.len()))?;
     Ok(())

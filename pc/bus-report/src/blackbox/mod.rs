@@ -24,6 +24,7 @@ use bus_master::nodes::NodeOption;
 use bus_master::{Bus, BusOptions};
 use output::stdout;
 use output::unreadable::Unreadable;
+use output::write::Staged;
 use output::{plural, printable};
 
 use data::MemoryReport;
@@ -35,7 +36,10 @@ use read::Bytes;
 #[derive(Clone, Debug, Args)]
 pub struct Arguments {
     /// Read files of 2070h or 2071h, as saved by --boxes, instead of nodes
-    #[arg(value_name = "FILE")]
+    #[arg(
+        value_name = "FILE",
+        conflicts_with_all = ["node", "boxes", "bus", "interface", "channel", "bitrate"]
+    )]
     pub files: Vec<PathBuf>,
     /// Which nodes are read
     #[command(flatten)]
@@ -187,7 +191,8 @@ fn save(
     fs::create_dir_all(folder).map_err(|why| wrong(folder, why))?;
     let mut write = |name: String, content: &[u8]| {
         let path = folder.join(name);
-        fs::write(&path, content).map_err(|why| wrong(&path, why))?;
+        let written = Staged::write(&path, content).and_then(Staged::put_in_place);
+        written.map_err(|why| wrong(&path, why))?;
         saved.push(path.display().to_string());
         Ok(())
     };
