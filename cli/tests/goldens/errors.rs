@@ -16,7 +16,7 @@ use super::transcript::Transcript;
 const NOBODY: &str = "--bus 127.0.0.1:1";
 
 /// Verbs on a bus: what they need besides, and arguments that are wrong.
-const ON_A_BUS: [(&str, &str, &[&str]); 13] = [
+const ON_A_BUS: [(&str, &str, &[&str]); 12] = [
     ("scan", "", &["--time x", "extra"]),
     ("info", "", &["0", "128", "1 --node 2"]),
     (
@@ -65,11 +65,6 @@ const ON_A_BUS: [(&str, &str, &[&str]); 13] = [
             "--web x",
         ],
     ),
-    (
-        "faults",
-        "",
-        &["missing.bin", "garbage.bin", "note.txt", "a.log"],
-    ),
     ("calibrate", "--by-hand", CALIBRATE),
     ("characterise", "--by-hand", CHARACTERISE),
 ];
@@ -101,7 +96,22 @@ const CHARACTERISE: &[&str] = &[
 ];
 
 /// The other verbs, each with whole lines.
-const OTHERS: [(&str, &[&str]); 11] = [
+const OTHERS: [(&str, &[&str]); 12] = [
+    (
+        "faults",
+        &[
+            "missing.bin",
+            "garbage.bin",
+            "note.txt",
+            "a.log",
+            "note.txt --boxes boxes",
+            "note.txt --node 1",
+            "note.txt --bus 127.0.0.1:1",
+            "--bus 127.0.0.1:1",
+            "--bus http://x:1",
+            "--nonsense",
+        ],
+    ),
     (
         "verify",
         &[
@@ -133,6 +143,8 @@ const OTHERS: [(&str, &[&str]); 11] = [
             "f.bin --from missing.bin",
             "f.bin --from garbage.bin",
             "f.bin --version 1.2.3 --key missing.key",
+            "f.bin --version 1.2.3 --key zeros.key",
+            "--public --key zeros.key",
             "f.bin --version 1.2.3 --key note.txt",
             "f.bin --version 1.2.3 --a missing.bin",
             "no/folder.bin --version 1.2.3",
@@ -155,6 +167,7 @@ const OTHERS: [(&str, &[&str]); 11] = [
             "a.log --export x.txt",
             "a.log --export a.log",
             "a.log --export no/folder.csv",
+            "a.log --export folder.csv",
             "a.log --eds missing.eds@1",
             "a.log --eds note.txt@5",
             "a.log --from poses",
@@ -257,7 +270,10 @@ fn folder(name: &str) -> Folder {
         "other.xml",
         "<?xml version=\"1.0\"?><note>nothing of the kind</note>\n",
     );
-    fs::create_dir(folder.0.join("folder")).unwrap();
+    folder.file("zeros.key", "0".repeat(64));
+    for name in ["folder", "folder.csv"] {
+        fs::create_dir(folder.0.join(name)).unwrap();
+    }
     let image = ["image", "p.bin", "--version", "1.2.3"];
     assert!(
         plumb(&image)
