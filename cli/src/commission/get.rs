@@ -5,7 +5,7 @@
 //!
 //! Left out: what the bytes of a DOMAIN mean.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use canopen::object::Access;
@@ -178,12 +178,12 @@ fn reading(node: u8, object: &Named, shown: Result<(Vec<u8>, Shown), u32>) -> Re
     reading
 }
 
-fn save(bus: &mut Bus, node: u8, object: &Named, path: &PathBuf) -> Result<(), CommissionError> {
+fn save(bus: &mut Bus, node: u8, object: &Named, path: &Path) -> Result<(), CommissionError> {
     let bytes = match Node::new(bus, node).try_read(object.index, object.sub)? {
         Ok(bytes) => bytes,
         Err(code) => return Err(CommissionError::Refused(node, object.name.clone(), code)),
     };
-    write::save(path, &bytes).map_err(|why| CommissionError::Write(path.clone(), why))?;
+    write::save(path, &bytes).map_err(|why| CommissionError::Write(path.to_owned(), why))?;
     let name = &object.name;
     answer::text(&format!("{} bytes of {name} of node {node}\n", bytes.len()))?;
     Ok(())

@@ -23,7 +23,10 @@ pub enum PlaybackError {
     )]
     ExportName(String),
     /// The table could not be written.
-    #[error("{a} can't be written: {1}; make room or give --export another name", a = printable(.0))]
+    #[error(
+        "{a} can't be written: {1}; make room or give --export another name",
+        a = printable(.0)
+    )]
     Export(String, io::Error),
     /// The table would overwrite a file that is read.
     #[error("{a} is read by this replay; give --export another name", a = printable(.0))]
