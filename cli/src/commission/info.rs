@@ -19,6 +19,7 @@ use crate::update::version;
 use bus_master::fault::Fault;
 use bus_master::node::Node;
 use bus_master::nodes::Meant;
+use codes::meaning;
 use codes::name::{self, Named};
 use codes::words::{self, because};
 use output::table::{Cell, Column, Table};
@@ -221,7 +222,7 @@ fn in_words(named: &Named, raw: Option<i64>) -> Option<String> {
     };
     match (named.index, named.sub) {
         (0x2002, 0) => one_of(&["A", "B"]),
-        (0x2003, 0) => one_of(&["as built", "the paper's rule", "the product's"]),
+        (0x2003 | 0x2005, 0) => meaning::name(named.row?, raw).map(str::to_owned),
         (0x2080, 2) => u32::try_from(raw).ok().map(version),
         (0x2080, 3) => one_of(&["A", "B"]),
         (0x2080, 4) => one_of(&[
@@ -233,7 +234,6 @@ fn in_words(named: &Named, raw: Option<i64>) -> Option<String> {
         (0x2025, _) | (0x2027, 2) => u8::try_from(raw)
             .ok()
             .map(|code| because(code).into_owned()),
-        (0x2005, 0) => one_of(&["forbidden", "allowed"]),
         (0x1017, 0) if raw == 0 => Some("none".to_owned()),
         _ => None,
     }

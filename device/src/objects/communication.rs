@@ -195,13 +195,11 @@ pub const COMMUNICATION: &[Row] = &[
     member(0x1016, 1, "Consumer heartbeat time", Unsigned32, SUPERVISED)
         .rw()
         .stored()
-        .unit("ms")
         .channel(supervised(2), supervised(1)),
     member(0x1016, 2, "Consumer heartbeat time", Unsigned32, SUPERVISED)
         .to(4)
         .rw()
         .stored()
-        .unit("ms")
         .value(0),
     var(
         0x1017,
@@ -413,8 +411,8 @@ pub const PROGRAM: &[Row] = &[
     ),
 ];
 
-const SUPERVISED: &str = "Node-id in bits 16 to 23, time in the lower half; a time of 0, and a \
-     node-id of 0 or above 127, supervises no node. Supervision begins with the first heartbeat. \
+const SUPERVISED: &str = "Node-id in bits 16 to 23, time in ms in the lower half; a time of 0, and \
+     a node-id of 0 or above 127, supervises no node. Supervision begins with the first heartbeat. \
      As delivered, each channel supervises the other.";
 const SAVE: &str = "Write \"save\" (65766173h) to store. Reads 1: stores on command only.";
 const LOAD: &str = "Write \"load\" (64616F6Ch) to restore. Reads 1: restores on command only.";

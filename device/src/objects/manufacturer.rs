@@ -68,8 +68,8 @@ pub const MANUFACTURER: &[Row] = &[
         0x2005,
         "Degraded operation",
         Unsigned8,
-        "1: while the other channel is faulty, this one's angles stay valid and 2021h shows 8. 0: \
-         they become invalid.",
+        "Whether this channel's angles stay valid, and 2021h shows 8, while the other one is \
+         faulty. 0 forbidden, 1 allowed.",
     )
     .rw()
     .stored()
@@ -194,8 +194,8 @@ pub const MANUFACTURER: &[Row] = &[
          lost its set-up, 8 the part does not answer, 9 codes stand still, 10 noise, 11 spikes, 12 \
          the temperature jumps, 13 moved alone or gravity of the wrong length, 14 the \
          calibration is damaged, 15 silent, 16 late, 17 the channels differ, 18 the other channel \
-         has not been heard, 19 degraded operation is forbidden, 20 presets, offsets or inversion \
-         differ, 21 the uncertainty is above 2007h.",
+         has not been heard, 19 degraded operation is forbidden, 20 presets or offsets or \
+         inversion differ, 21 the uncertainty is above 2007h.",
     ),
     member(0x2025, 1, "Reason X", Unsigned8, "See sub-index 0.").tpdo(),
     member(0x2025, 2, "Reason Y", Unsigned8, "See sub-index 0.").tpdo(),
@@ -397,7 +397,8 @@ pub const MANUFACTURER: &[Row] = &[
         2,
         "Automatic detection",
         Unsigned8,
-        "1: listens for the bit rate of the bus at start. 0: uses the stored one.",
+        "Whether it listens for the bit rate of the bus at start, in place of the stored one. 0 \
+         off, 1 on.",
     )
     .rw()
     .stored()
@@ -410,8 +411,8 @@ pub const CHECK: &[Row] = &[var(
     0x2003,
     "Cross-check",
     Unsigned8,
-    "How the two channels are judged. 0: as the instrument was built, 1: the paper's rule, 2: \
-         the product's ladder. Counts from the next reset.",
+    "How the two channels are judged. 0 as built, 1 the paper's rule, 2 the product's. \
+         Counts from the next reset.",
 )
 .rw()
 .stored()
@@ -423,8 +424,8 @@ pub const PRESENTATION_CHECK: &[Row] = &[var(
     0x2006,
     "Presentation check",
     Unsigned8,
-    "1: where presets, offsets or inversion make the two channels show different angles, \
-         neither is valid. 0: that is meant so.",
+    "Whether neither channel is valid where presets, offsets or inversion make the two show \
+         different angles. 0 off, 1 on.",
 )
 .rw()
 .stored()
@@ -587,7 +588,7 @@ pub const CHECK_AS_BUILT: &[Row] = &[var(
     0x2003,
     "Cross-check",
     Unsigned8,
-    "How the two channels are judged. 0: as the instrument was built.",
+    "How the two channels are judged. 0: as built.",
 )
 .constant()
 .value(0)];

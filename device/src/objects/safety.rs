@@ -30,8 +30,8 @@ pub const SAFETY: &[Row] = &[
         0x1300,
         "Global fail-safe command parameter",
         Unsigned8,
-        "1: a GFC (identifier 001h) puts this node into its safe state. 0: it is ignored \
-         (EN 50325-5).",
+        "Whether a GFC (identifier 001h) puts this node into its safe state (EN 50325-5). 0 \
+         ignored, 1 obeyed.",
     )
     .rw()
     .stored()

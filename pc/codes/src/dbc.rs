@@ -186,7 +186,7 @@ fn comments(message: &Message<'_>) -> String {
 fn values(message: &Message<'_>) -> String {
     let mut text = String::new();
     for signal in &message.signals {
-        let named = meaning::named_values(signal.row.doc);
+        let named = meaning::names(signal.row);
         if named.is_empty() {
             continue;
         }

@@ -15,6 +15,7 @@ mod eds;
 mod markdown;
 pub mod meaning;
 pub mod name;
+mod supervised;
 #[cfg(test)]
 mod tests;
 pub mod value;

@@ -6,7 +6,7 @@
 //!
 //! Left out: names of bits.
 
-use device::objects::row::Row;
+use device::objects::row::{Row, Shape};
 use device::objects::table::Channel;
 
 use super::dictionary;
@@ -60,6 +60,24 @@ fn number(text: &str) -> Option<f64> {
         return Some(over.parse::<f64>().ok()? / under.parse::<f64>().ok()?);
     }
     text.parse().ok()
+}
+
+/// The names of the numbers of a row. The text of an array or a record is on its members, while
+/// its own number counts them.
+pub fn names(row: &Row) -> Vec<(i64, &'static str)> {
+    match row.shape {
+        Shape::Array | Shape::Record => Vec::new(),
+        Shape::Var | Shape::Member => named_values(row.doc),
+    }
+}
+
+/// What a row calls one number.
+pub fn name(row: &Row, number: i64) -> Option<&'static str> {
+    let names = names(row);
+    names
+        .iter()
+        .find(|named| named.0 == number)
+        .map(|named| named.1)
 }
 
 /// Numbers that the text of a row gives a name to, in its order.

@@ -9,7 +9,7 @@ use tilt::chain::Invalid;
 use tilt::cross_check::{Judgement, Member};
 
 use super::dictionary::{access_name, delivered_at, objects};
-use super::meaning::{named_values, scale};
+use super::meaning::{self, named_values, scale};
 use super::{dbc, dcf, eds, markdown};
 
 const CHANNELS: [Channel; 2] = [Channel::A, Channel::B];
@@ -458,4 +458,31 @@ fn counts_are_shown_in_decimal_and_patterns_in_hexadecimal() {
         assert_eq!(shown(count), "1000", "{count}");
     }
     assert_eq!(shown("1018:1"), "0x000003E8");
+}
+
+#[test]
+fn half_a_sentence_was_the_name_of_a_value() {
+    let of = |index| rows().iter().find(|row| row.index == index).unwrap();
+    let [forbidden, allowed] = [(0, "forbidden"), (1, "allowed")];
+    assert_eq!(meaning::names(of(0x2005)), [forbidden, allowed]);
+    let models = [
+        Models::WHOLE,
+        Models::PRODUCT,
+        Models::PAPER,
+        Models::DYNAMIC,
+    ];
+    for row in models.into_iter().flat_map(rows_of) {
+        for (number, name) in meaning::names(row) {
+            // What is written has a name that can be typed; what is read may say more.
+            let longest = if row.access.has(Access::WRITE) {
+                28
+            } else {
+                55
+            };
+            let at = format!("{:04X}h sub {}, {number}: {name}", row.index, row.sub);
+            assert!(name.len() <= longest, "{at}");
+        }
+    }
+    // Sub-index 0 of an array counts its members, whatever its text calls theirs.
+    assert_eq!(meaning::name(of(0x2025), 2), None);
 }

@@ -14,7 +14,7 @@ use device::objects::row::Row;
 use device::objects::table::{self, Channel};
 
 use super::name::{self, Named};
-use crate::{dictionary, meaning, words};
+use crate::{dictionary, meaning, supervised, words};
 use output::printable;
 
 /// Units that may be written, the unit that they are counted in, and how much of it they are.
@@ -111,7 +111,11 @@ pub fn show(named: &Named, bytes: &[u8], resolution: Option<u32>) -> Shown {
         data_type => match number(data_type, bytes) {
             Some(raw) => {
                 let mut shown = show_number(row, raw, resolution);
-                if let Some(words) = u8::try_from(raw).ok().and_then(|raw| in_words(named, raw)) {
+                if supervised::is_one(row) {
+                    (shown.value, shown.text) = (None, supervised::text(raw));
+                } else if let Some(words) =
+                    u8::try_from(raw).ok().and_then(|raw| in_words(named, raw))
+                {
                     shown.text = format!("{raw} ({words})");
                 }
                 shown
@@ -147,9 +151,7 @@ fn hex(bytes: &[u8]) -> String {
 
 fn show_number(row: &Row, raw: i64, resolution: Option<u32>) -> Shown {
     let Scale { factor, unit } = scale(row, resolution);
-    let named = meaning::named_values(row.doc);
-    let name = named.iter().find(|(number, _)| *number == raw);
-    let name = name.map(|(_, name)| name.trim_end_matches('.'));
+    let name = meaning::name(row, raw).map(|name| name.trim_end_matches('.'));
     let none = no_value(row, raw, name);
     let (value, text) = match (&none, unit.is_empty()) {
         (Some(reason), _) => (None, reason.clone()),
@@ -234,6 +236,12 @@ pub enum ValueError {
     /// Outside the range; lowest and highest.
     #[error("{0} cannot be {1}: it has to be {2} to {3}")]
     Range(String, String, String, String),
+    /// Not a node and a time, where both are in one number.
+    #[error(
+        "{0} is a node and a time, and {1:?} is not: write 2:500ms, the number as stored \
+         (0x000201F4), or 0 for no node"
+    )]
+    NodeAndTime(String, String),
     /// No number can be written there.
     #[error("{0} is no number and cannot be set so")]
     NotANumber(String),
@@ -270,6 +278,13 @@ fn whole(text: &str) -> Option<i64> {
     magnitude.map(|magnitude| sign * magnitude)
 }
 
+/// A number that says of itself that it is hexadecimal: as it stands in the object, whatever that
+/// is counted in.
+fn hexadecimal(text: &str) -> Option<i64> {
+    let digits = text.strip_prefix(['+', '-']).unwrap_or(text);
+    name::hex(digits).and_then(|_| whole(text))
+}
+
 /// The number that a text means for an object, as it stands there.
 ///
 /// Errors: see [`ValueError`].
@@ -286,9 +301,12 @@ pub fn parse(
         return Err(ValueError::NotANumber(name()));
     }
     let scale = scale(row, resolution);
-    let number = match raw || scale.unit.is_empty() {
-        true => named_or_whole(named, row, text, raw)?,
-        false => quantity(named, &scale, text)?,
+    let number = match hexadecimal(text) {
+        Some(number) => number,
+        None if raw => named_or_whole(named, row, text, raw)?,
+        None if supervised::is_one(row) => node_and_time(named, text)?,
+        None if scale.unit.is_empty() => named_or_whole(named, row, text, raw)?,
+        None => quantity(named, &scale, text)?,
     };
     let (low, high) = limits(row);
     if (low..=high).contains(&number) {
@@ -316,16 +334,30 @@ pub fn limits(row: &Row) -> (i64, i64) {
 }
 
 fn named_or_whole(named: &Named, row: &Row, text: &str, raw: bool) -> Result<i64, ValueError> {
-    let names = if raw {
-        Vec::new()
-    } else {
-        meaning::named_values(row.doc)
-    };
+    let names = if raw { Vec::new() } else { meaning::names(row) };
     let same = |name: &str| name.trim_end_matches('.').eq_ignore_ascii_case(text);
     let by_name = names.iter().find(|(_, name)| same(name));
     let number = by_name.map(|(number, _)| *number).or_else(|| whole(text));
     let names = names.iter().map(|(_, name)| (*name).to_owned()).collect();
     number.ok_or_else(|| ValueError::NoNumber(named.name.clone(), printable(text), names))
+}
+
+/// A node, and a time with its unit, in one number.
+fn node_and_time(named: &Named, text: &str) -> Result<i64, ValueError> {
+    let name = || named.name.clone();
+    let split = supervised::split(text);
+    let (node, time) = split.ok_or_else(|| ValueError::NodeAndTime(name(), printable(text)))?;
+    if (node, time) == (0, "") {
+        return Ok(0);
+    }
+    let scale = Scale {
+        factor: 1.0,
+        unit: "ms".to_owned(),
+    };
+    let time = quantity(named, &scale, time)?;
+    let [low, high] = ["1:1ms", "127:65535ms"].map(str::to_owned);
+    let range = || ValueError::Range(name(), printable(text), low, high);
+    supervised::number(node, time).ok_or_else(range)
 }
 
 /// A number with its unit, in steps of the object.
@@ -479,5 +511,45 @@ mod tests {
             let there = bytes(DataType::Integer32, number);
             prop_assert_eq!(super::number(DataType::Integer32, &there), Some(number));
         }
+    }
+
+    fn heartbeat(text: &str) -> Result<i64, ValueError> {
+        steps("1016:1", text)
+    }
+
+    #[test]
+    fn a_node_and_a_time_were_one_number_of_milliseconds() {
+        let named = name::one("1016:1").unwrap();
+        let shown = show(&named, &0x0002_01F4_u32.to_le_bytes(), None);
+        assert_eq!(shown.text, "node 2, 500 ms");
+        assert_eq!((shown.raw, shown.value), (Some(0x0002_01F4), None));
+        assert_eq!(shown.unit, "");
+        for text in [
+            "2:500ms",
+            "2:0.5s",
+            "node 2, 500 ms",
+            "0x201F4",
+            "0x000201F4",
+        ] {
+            assert_eq!(heartbeat(text), Ok(0x0002_01F4), "{text}");
+        }
+        assert_eq!(heartbeat("0"), Ok(0));
+        assert_eq!(heartbeat("0x100"), Ok(0x100));
+        assert_eq!(supervised::text(0), "no node");
+        assert_eq!(supervised::text(0x1F4), "no node (0x000001F4)");
+        assert_eq!(supervised::text(0x80_0001), "no node (0x00800001)");
+    }
+
+    #[test]
+    fn a_bare_time_switched_the_supervision_off() {
+        for text in ["500ms", "500", "131572", "two:500ms", ""] {
+            let told = heartbeat(text).unwrap_err().to_string();
+            assert!(told.contains("write 2:500ms"), "{told}");
+        }
+        for text in ["0:500ms", "128:500ms", "2:0ms", "2:70s"] {
+            let told = heartbeat(text).unwrap_err().to_string();
+            assert!(told.ends_with("has to be 1:1ms to 127:65535ms"), "{told}");
+        }
+        assert!(heartbeat("2:5deg").is_err());
     }
 }
