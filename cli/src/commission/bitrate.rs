@@ -45,7 +45,7 @@ pub struct Arguments {
     #[arg(long, default_value_t = 500, value_name = "MS",
         value_parser = clap::value_parser!(u16).range(10..=10_000))]
     pub delay: u16,
-    /// Take nodes that are OPERATIONAL to PRE-OPERATIONAL for the change, and back
+    /// Take nodes that are OPERATIONAL or STOPPED to PRE-OPERATIONAL for the change, and back
     #[arg(long)]
     pub stop: bool,
     /// Change also while nodes that cannot follow are on the bus
@@ -84,23 +84,14 @@ struct Content<'a> {
 /// Errors: see [`CommissionError`].
 pub fn run(arguments: &Arguments) -> Result<ExitCode, CommissionError> {
     let mut bus = arguments.common.join()?;
-    let meant = match arguments.rate {
+    let (rates, meant) = match arguments.rate {
         Some(_) if arguments.common.nodes.node.is_some() => return Err(CommissionError::AllOnly),
-        Some(rate) => Meant {
-            nodes: change(&mut bus, rate, arguments)?,
-            missing: None,
-        },
-        None => arguments.common.nodes.readable(&mut bus)?,
+        Some(rate) => (change(&mut bus, rate, arguments)?, Meant::default()),
+        None => {
+            let meant = arguments.common.nodes.readable(&mut bus)?;
+            (read(&mut bus, &meant.nodes)?, meant)
+        }
     };
-    let mut rates = Vec::new();
-    for id in meant.nodes.clone() {
-        let mut node = Node::new(&mut bus, id);
-        rates.push(Rate {
-            node: id,
-            bit_rate_kbit_s: node.number(0x2053, 1)?,
-            automatic: node.number(0x2053, 2)?.map(|number| number != 0),
-        });
-    }
     let changed = arguments.rate.is_some();
     let content = Content {
         changed,
@@ -111,6 +102,20 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, CommissionError> {
     })?;
     meant.complete()?;
     Ok(ExitCode::SUCCESS)
+}
+
+/// The rates of these nodes.
+fn read(bus: &mut Bus, nodes: &[u8]) -> Result<Vec<Rate>, CommissionError> {
+    let mut rates = Vec::new();
+    for id in nodes {
+        let mut node = Node::new(bus, *id);
+        rates.push(Rate {
+            node: *id,
+            bit_rate_kbit_s: node.number(0x2053, 1)?,
+            automatic: node.number(0x2053, 2)?.map(|number| number != 0),
+        });
+    }
+    Ok(rates)
 }
 
 const fn answer(arguments: &Arguments) -> Answer {
@@ -131,25 +136,36 @@ fn line(rate: &Rate, changed: bool) -> String {
     format!("node {}: {number}{automatic}{stored}\n", rate.node)
 }
 
-/// Changes all nodes, and starts those again that were stopped for it; who they are.
-fn change(bus: &mut Bus, rate: u16, arguments: &Arguments) -> Result<Vec<u8>, CommissionError> {
+/// Changes all nodes, and takes those back that were taken to PRE-OPERATIONAL for it; the rates
+/// that they have, which no node tells in STOPPED.
+fn change(bus: &mut Bus, rate: u16, arguments: &Arguments) -> Result<Vec<Rate>, CommissionError> {
     let heard = survey(bus, ASKING).map_err(Fault::bus)?;
     let there: Vec<u8> = heard.nodes().into_iter().collect();
     if there.is_empty() {
         return Err(Fault::nobody(bus).into());
     }
-    let working = heard.heartbeats.iter();
-    let working = working.filter(|(_, state)| **state == Ok(State::Operational));
-    let working: Vec<u8> = working.map(|(node, _)| *node).collect();
-    if !arguments.stop {
-        return change_these(bus, rate, arguments, there, &working);
+    let in_state = |wanted: State| {
+        let nodes = heard.heartbeats.iter();
+        let nodes = nodes.filter(move |(_, state)| **state == Ok(wanted));
+        nodes.map(|(node, _)| *node).collect::<Vec<u8>>()
+    };
+    let (working, halted) = (in_state(State::Operational), in_state(State::Stopped));
+    if !arguments.stop && !halted.is_empty() {
+        return Err(CommissionError::Halted(halted));
     }
-    let stopped = stop(bus, &working);
+    if !arguments.stop {
+        let changed = change_these(bus, rate, arguments, there, &working)?;
+        return read(bus, &changed);
+    }
+    let stopped = stop(bus, &[&working[..], &halted].concat());
     let changed = stopped.and_then(|()| change_these(bus, rate, arguments, there, &[]));
+    let changed = changed.and_then(|nodes| read(bus, &nodes));
     // Those that did not follow have not heard it; what went wrong before says more.
+    let working = working.iter().map(|node| (Command::Start, node));
+    let halted = halted.iter().map(|node| (Command::Stop, node));
     let started = working
-        .iter()
-        .try_for_each(|node| nmt::command(bus, Command::Start, *node));
+        .chain(halted)
+        .try_for_each(|(command, node)| nmt::command(bus, command, *node));
     let changed = changed?;
     started.map_err(Fault::bus)?;
     Ok(changed)

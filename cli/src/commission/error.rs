@@ -137,11 +137,18 @@ pub enum CommissionError {
     AllOnly,
     /// These nodes are OPERATIONAL, where they do not answer LSS.
     #[error(
-        "nodes that are OPERATIONAL do not answer LSS and would not follow: {a}; nothing was \
-         changed; use --stop to take them to PRE-OPERATIONAL for it, and back",
+        "nodes that are OPERATIONAL do not answer LSS: {a}; nothing was changed; use --stop to \
+         take them to PRE-OPERATIONAL for it, and back",
         a = listed(.0)
     )]
     Operational(Vec<u8>),
+    /// These nodes are STOPPED, where their identity cannot be read for LSS.
+    #[error(
+        "nodes that are STOPPED do not tell the identity by which LSS finds them: {a}; nothing was \
+         changed; use --stop to take them to PRE-OPERATIONAL for it, and back",
+        a = listed(.0)
+    )]
+    Halted(Vec<u8>),
     /// These nodes do not answer LSS and would not follow.
     #[error(
         "these nodes do not answer LSS and would not follow: {a}; the bus would stop, so nothing \
@@ -174,7 +181,10 @@ pub enum CommissionError {
     )]
     NoPair,
     /// No node with this identity answers LSS.
-    #[error("node {0} does not answer LSS by its identity: does another one have the same?")]
+    #[error(
+        "node {0} does not answer LSS by its identity: is it OPERATIONAL (use --stop), or does \
+         another one have the same?"
+    )]
     NotSelected(u8),
     /// A node does not answer by its new node-id.
     #[error("no node answers by node-id {0} after its reset: look for it with `plumb scan`")]

@@ -2,7 +2,7 @@
 //!
 //! In: nodes, and which group of parameters. Out: a line for each node, or JSON. The values count
 //! from the next reset on; `--reset` does that too, and waits until the node is back. A node that
-//! was OPERATIONAL gets there again.
+//! was OPERATIONAL or STOPPED gets there again.
 //!
 //! Left out: node-id and bit rate, which stay; calibrations, which `calibrate` exchanges.
 
@@ -40,7 +40,7 @@ pub struct Arguments {
     /// Reset the nodes afterwards, so that the delivered values take effect at once
     #[arg(long)]
     pub reset: bool,
-    /// Take a node that is OPERATIONAL to PRE-OPERATIONAL for it, and back
+    /// Take a node that is OPERATIONAL or STOPPED to PRE-OPERATIONAL for it, and back
     #[arg(long)]
     pub stop: bool,
     /// Which nodes; needed where there is more than one
@@ -74,8 +74,8 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, CommissionError> {
     let (restored_nodes, ended) = answer.each(
         nodes,
         |id| {
-            let delivered = nodes::channel(&mut bus, id)?.map(Channel::node_id);
-            restore(&mut Node::new(&mut bus, id), arguments)?;
+            let channel = restore(&mut Node::new(&mut bus, id), arguments)?;
+            let delivered = channel.map(Channel::node_id);
             if delivered.is_some_and(|delivered| delivered != id) {
                 apart_nodes.push(id);
             }
@@ -99,22 +99,27 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, CommissionError> {
     answer.end(&bus, ended, nothing, content)
 }
 
-fn restore(node: &mut Node, arguments: &Arguments) -> Result<(), CommissionError> {
+/// Restores one node; which channel it is.
+fn restore(node: &mut Node, arguments: &Arguments) -> Result<Option<Channel>, CommissionError> {
     let id = node.id;
-    let worked = node.state()? == Some(Ok(State::Operational));
+    let state = node.state()?;
     let sub = Group::sub(arguments.only);
-    let done = node.set_up(arguments.stop, |node| node.write(0x1011, sub, &LOAD));
-    done.map_err(|fault: Option<Fault>| {
+    let done = node.set_up(arguments.stop, |node| {
+        let channel = nodes::channel(node.bus, id)?;
+        node.write(0x1011, sub, &LOAD).map(|()| channel)
+    });
+    let channel = done.map_err(|fault: Option<Fault>| {
         fault.map_or(CommissionError::DiscardsNothing(id), CommissionError::Fault)
     })?;
-    if !arguments.reset {
-        return Ok(());
+    if arguments.reset {
+        reset(node)?;
+        match state {
+            Some(Ok(State::Operational)) => node.command(Command::Start)?,
+            Some(Ok(State::Stopped)) => node.command(Command::Stop)?,
+            _ => {}
+        }
     }
-    reset(node)?;
-    match worked {
-        true => Ok(node.command(Command::Start)?),
-        false => Ok(()),
-    }
+    Ok(channel)
 }
 
 /// Resets a node and waits until it is back.

@@ -60,7 +60,7 @@ pub struct Arguments {
     /// Only this group of parameters
     #[arg(long, value_enum)]
     pub only: Option<Group>,
-    /// Take a node that is OPERATIONAL to PRE-OPERATIONAL for it, and back
+    /// Take a node that is OPERATIONAL or STOPPED to PRE-OPERATIONAL for it, and back
     #[arg(long)]
     pub stop: bool,
     /// Which nodes; all channels on the bus when not given

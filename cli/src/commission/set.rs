@@ -34,13 +34,14 @@ pub struct Arguments {
     /// Object: slope-long.preset, heartbeat, 2003h, 1016h:1 (`plumb get --list` prints all names)
     #[arg(value_name = "NAME")]
     pub name: String,
-    /// Value with its unit: 0deg, 500ms; a number or a name where the object has no unit
+    /// Value with its unit: 0deg, 500ms; a number or a name where the object has no unit; 2:500ms
+    /// for a node and a time; 0x1F4 is the number as stored in the object
     #[arg(value_name = "VALUE", allow_hyphen_values = true)]
     pub value: String,
     /// VALUE is the number as stored in the object
     #[arg(long)]
     pub raw: bool,
-    /// Take a node that is OPERATIONAL to PRE-OPERATIONAL for the write, and back
+    /// Take a node that is OPERATIONAL or STOPPED to PRE-OPERATIONAL for the write, and back
     #[arg(long)]
     pub stop: bool,
     /// Which nodes; needed where there is more than one
@@ -91,7 +92,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, CommissionError> {
     let mut numbers = Vec::new();
     for id in &nodes {
         let mut node = Node::new(&mut bus, *id);
-        let resolution = node.resolution(&named)?;
+        let resolution = resolution(&mut node, &named, arguments.stop)?;
         let number = value::parse(&named, row, &arguments.value, arguments.raw, resolution)?;
         numbers.push((*id, number));
     }
@@ -113,6 +114,20 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, CommissionError> {
     answer.end(&bus, ended, written.is_empty(), content)
 }
 
+/// What a row's unit depends on, of a node that may be in STOPPED.
+fn resolution(
+    node: &mut Node,
+    named: &Named,
+    may_stop: bool,
+) -> Result<Option<u32>, CommissionError> {
+    let depends = named.row.and_then(value::depends_on).is_some();
+    if !may_stop || !depends || node.state()? != Some(Ok(State::Stopped)) {
+        return Ok(node.resolution(named)?);
+    }
+    let read: Result<_, Option<Fault>> = node.set_up(true, |node| node.resolution(named));
+    Ok(read.map_err(|fault| fault.unwrap_or(Fault::Interrupted))?)
+}
+
 fn write(
     node: &mut Node,
     named: &Named,
@@ -120,19 +135,28 @@ fn write(
     number: i64,
     may_stop: bool,
 ) -> Result<Written, CommissionError> {
+    let write = |node: &mut Node| write_here(node, named, row, number);
+    match may_stop {
+        true => node
+            .set_up(true, write)
+            .map_err(|error| error.unwrap_or(Fault::Interrupted.into())),
+        false => write(node),
+    }
+}
+
+/// Writes in the state in which the node is.
+fn write_here(
+    node: &mut Node,
+    named: &Named,
+    row: &Row,
+    number: i64,
+) -> Result<Written, CommissionError> {
     let before = match row.access.has(Access::READ) {
         true => node.shown(named)?.ok().and_then(|(_, shown)| shown.value),
         false => None,
     };
     let bytes = value::bytes(row.data_type, number);
-    let write = |node: &mut Node| node.write(named.index, named.sub, &bytes);
-    let done = match may_stop {
-        true => node
-            .set_up(true, write)
-            .map_err(|fault| fault.unwrap_or(Fault::Interrupted)),
-        false => write(node),
-    };
-    match done {
+    match node.write(named.index, named.sub, &bytes) {
         Err(Fault::Sdo(SdoError::Refused(.., WRONG_STATE))) => {
             return Err(why_not(node, named));
         }

@@ -87,8 +87,9 @@ pub enum Silence {
     OnlySends(u8),
     /// It is in the state STOPPED.
     #[error(
-        "node {0} is in STOPPED, where no node answers SDO: bring it to PRE-OPERATIONAL first \
-         (`plumb set` and `plumb save` do so with --stop)"
+        "node {0} is in STOPPED, where no node answers SDO: send it the NMT command Enter \
+         PRE-OPERATIONAL first (frame 000h 80 {0:02X}, as `cansend can0 000#80{0:02X}`), or use \
+         --node {0} --stop, which `plumb set`, `save` and `restore` have"
     )]
     Stopped(u8),
     /// It has just started.

@@ -159,8 +159,9 @@ impl<'a> Node<'a> {
         nmt::command(self.bus, command, self.id).map_err(Fault::bus)
     }
 
-    /// Does something in PRE-OPERATIONAL and returns to OPERATIONAL where the node was there, also
-    /// when it failed.
+    /// Does something in PRE-OPERATIONAL and returns to the state in which the node was,
+    /// OPERATIONAL or STOPPED, also when it failed. In STOPPED no node answers SDO: where it may
+    /// not be brought out of it, the work says so.
     ///
     /// Errors: `Err(None)` when the node is OPERATIONAL and may not be stopped, and those of
     /// `work`.
@@ -175,13 +176,21 @@ impl<'a> Node<'a> {
             // It sends no heartbeat, or is not there: then nothing is written.
             self.number(0x1000, 0).map_err(fault)?;
         }
-        let works = state == Some(Ok(State::Operational));
-        if !works {
-            return work(self).map_err(Some);
+        match state {
+            Some(Ok(State::Operational)) if may_stop => self.apart(Command::Start, work),
+            Some(Ok(State::Operational)) => Err(None),
+            Some(Ok(State::Stopped)) if may_stop => self.apart(Command::Stop, work),
+            _ => work(self).map_err(Some),
         }
-        if !may_stop {
-            return Err(None);
-        }
+    }
+
+    /// Does something in PRE-OPERATIONAL; `back` returns to where the node was.
+    fn apart<T, E: From<Fault>>(
+        &mut self,
+        back: Command,
+        work: impl FnOnce(&mut Self) -> Result<T, E>,
+    ) -> Result<T, Option<E>> {
+        let fault = |fault| Some(E::from(fault));
         self.command(Command::EnterPreOperational).map_err(fault)?;
         let stopped = nmt::wait_for(self.bus, self.id, State::PreOperational, CHANGE);
         let done = match stopped {
@@ -189,7 +198,7 @@ impl<'a> Node<'a> {
             Err(error) => Err(fault(Fault::bus(error))),
         };
         // What went wrong before says more than what may go wrong now.
-        let back = self.command(Command::Start).map_err(fault);
+        let back = self.command(back).map_err(fault);
         done.and_then(|done| back.map(|()| done))
     }
 }

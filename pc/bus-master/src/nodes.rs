@@ -18,6 +18,7 @@ use device::objects::communication::{PRODUCT_CODE_A, PRODUCT_CODE_B};
 use device::objects::table::Channel;
 
 use super::fault::Fault;
+use super::nmt::{State, Told};
 use super::node::Node;
 use crate::Bus;
 use crate::sdo::{Client, SdoError};
@@ -87,14 +88,16 @@ pub enum NodesError {
     Which(Vec<u8>),
     /// The other channel of an instrument does not answer, so nothing is written.
     #[error(
-        "{0}, so nothing was written: reconnect it, or use --node {a} to change that one alone",
-        a = .0.node
+        "{0}, so nothing was written: {b}, or use --node {a} to change that one alone",
+        a = .0.node,
+        b = .0.remedy()
     )]
     Half(Missing),
     /// The other channel of an instrument does not answer; what was read is of this one only.
     #[error(
-        "{0}, so it was not read: reconnect it, or use --node {a} to read that one alone",
-        a = .0.node
+        "{0}, so it was not read: {b}, or use --node {a} to read that one alone",
+        a = .0.node,
+        b = .0.remedy()
     )]
     Unread(Missing),
 }
@@ -111,16 +114,33 @@ pub struct Missing {
     pub node: u8,
     /// The other one, by its 2001h.
     pub peer: u8,
-    /// The heartbeat of the other one is heard.
-    pub heard: bool,
+    /// What the heartbeat of the other one tells, where it is heard.
+    pub heard: Option<Told>,
+}
+
+/// The state in which no node answers SDO.
+const STOPPED: Option<Told> = Some(Ok(State::Stopped));
+
+impl Missing {
+    /// What brings the other one back.
+    const fn remedy(&self) -> &'static str {
+        match self.heard {
+            STOPPED => {
+                "send it the NMT command Enter PRE-OPERATIONAL, or name both with --node and use \
+                 --stop where the verb has it"
+            }
+            _ => "reconnect it",
+        }
+    }
 }
 
 impl fmt::Display for Missing {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { node, peer, heard } = self;
+        let Self { node, peer, heard } = *self;
         let why = match heard {
-            true => "its heartbeat is received: it is in STOPPED, or frames are lost",
-            false => "no frame of it is received: it has no power, or its wires are open",
+            STOPPED => "it is in STOPPED, where no node answers SDO",
+            Some(_) => "its heartbeat is received: frames are lost, or it is at work for long",
+            None => "no frame of it is received: it has no power, or its wires are open",
         };
         write!(
             f,
@@ -196,7 +216,7 @@ fn with_peers(bus: &mut Bus, survey: &Survey, found: Vec<u8>) -> Result<Meant, N
             Some(_) if channel(bus, peer)?.is_some() => nodes.push(peer),
             Some(_) => {}
             None => {
-                let heard = survey.heartbeats.contains_key(&peer);
+                let heard = survey.heartbeats.get(&peer).copied();
                 missing = missing.or(Some(Missing { node, peer, heard }));
             }
         }
@@ -289,7 +309,7 @@ mod tests {
         let one = Missing {
             node: 1,
             peer: 2,
-            heard: false,
+            heard: None,
         };
         let half = NodesError::Half(one).to_string();
         assert!(
@@ -300,10 +320,22 @@ mod tests {
         assert!(half.contains("--node 1 "), "{half}");
         let meant = Meant {
             nodes: vec![1],
-            missing: Some(Missing { heard: true, ..one }),
+            missing: Some(Missing {
+                heard: Some(Ok(State::Operational)),
+                ..one
+            }),
         };
         let unread = meant.complete().unwrap_err().to_string();
         assert!(unread.contains("its heartbeat is received"), "{unread}");
+        let stopped = NodesError::Half(Missing {
+            heard: STOPPED,
+            ..one
+        });
+        let stopped = stopped.to_string();
+        assert!(
+            stopped.contains("it is in STOPPED") && stopped.contains("--stop"),
+            "{stopped}"
+        );
         assert!(Meant::default().complete().is_ok());
     }
 
