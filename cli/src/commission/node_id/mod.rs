@@ -41,6 +41,9 @@ use codes::words;
 /// How long is listened for who is there.
 const ASKING: Duration = Duration::from_millis(400);
 
+/// How long a node may take to tell that it is in PRE-OPERATIONAL.
+const STOPPING: Duration = Duration::from_secs(2);
+
 /// How long a node may take until it answers by its new node-id.
 const RESTART: Duration = Duration::from_secs(10);
 
@@ -85,6 +88,9 @@ pub struct Arguments {
     /// The new node-ids of channel A and channel B of one instrument
     #[arg(long, value_name = "A,B")]
     pub pair: Option<Pair>,
+    /// Take nodes that are OPERATIONAL to PRE-OPERATIONAL for the change, and back
+    #[arg(long)]
+    pub stop: bool,
     /// The rest; where no nodes are named, those without a node-id.
     #[command(flatten)]
     pub common: CommonOptions,
@@ -118,6 +124,9 @@ const SAFETY: &str = "safety frames (SRDO) keep their identifiers, 1301h and 130
 struct Work<'a> {
     bus: &'a mut Bus,
     answer: Answer,
+    may_stop: bool,
+    /// Old and new node-ids of those that were taken out of OPERATIONAL.
+    stopped: Vec<[u8; 2]>,
 }
 
 /// Gives node-ids and prints. Exit status 1: everything was done, and the two do not agree.
@@ -129,11 +138,16 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, CommissionError> {
     let mut work = Work {
         bus: &mut bus,
         answer,
+        may_stop: arguments.stop,
+        stopped: Vec::new(),
     };
-    let (members, compare) = match (arguments.pair, arguments.id) {
-        (Some(pair), _) => work.pair(pair, &arguments.common.nodes)?,
-        (None, id) => work.single(id.unwrap_or(1), &arguments.common.nodes)?,
+    let done = match (arguments.pair, arguments.id) {
+        (Some(pair), _) => work.pair(pair, &arguments.common.nodes),
+        (None, id) => work.single(id.unwrap_or(1), &arguments.common.nodes),
     };
+    let back = work.start_again(done.is_ok());
+    let (members, compare) = done?;
+    back?;
     let notes: Vec<_> = compare.map(|_| SAFETY).into_iter().collect();
     let lines: String = notes.iter().map(|note| format!("note: {note}\n")).collect();
     let content = Content {
@@ -298,8 +312,44 @@ impl Work<'_> {
         Ok(None)
     }
 
+    /// Takes those that are OPERATIONAL, where no node answers LSS, to PRE-OPERATIONAL.
+    ///
+    /// Errors: [`CommissionError::Operational`] where they may not be; all of them are as before.
+    fn stop(&mut self, members: &[Member]) -> Result<(), CommissionError> {
+        let mut working = Vec::new();
+        let changed = members.iter().filter(|m| m.old_node != Some(m.node));
+        for (old, new) in changed.filter_map(|m| Some((m.old_node?, m.node))) {
+            if Node::new(self.bus, old).state()? == Some(Ok(State::Operational)) {
+                working.push([old, new]);
+            }
+        }
+        if !working.is_empty() && !self.may_stop {
+            let olds = working.iter().map(|[old, _]| *old);
+            return Err(CommissionError::Operational(olds.collect()));
+        }
+        for [old, new] in working {
+            self.stopped.push([old, new]);
+            nmt::command(self.bus, Command::EnterPreOperational, old).map_err(Fault::bus)?;
+            nmt::wait_for(self.bus, old, State::PreOperational, STOPPING).map_err(Fault::bus)?;
+        }
+        Ok(())
+    }
+
+    /// Starts those again that were stopped, by their new node-ids, or by both where it is not
+    /// known which one they have.
+    fn start_again(&mut self, done: bool) -> Result<(), Fault> {
+        for [old, new] in std::mem::take(&mut self.stopped) {
+            let ids = if done { &[new][..] } else { &[old, new] };
+            for id in ids {
+                nmt::command(self.bus, Command::Start, *id).map_err(Fault::bus)?;
+            }
+        }
+        Ok(())
+    }
+
     /// Node-ids by LSS, stored; they count at the end of this.
     fn give(&mut self, members: &[Member]) -> Result<(), CommissionError> {
+        self.stop(members)?;
         for member in members
             .iter()
             .filter(|member| member.old_node != Some(member.node))
