@@ -11,6 +11,7 @@ use super::hand::HandError;
 use super::reading::Upset;
 use super::scpi::DeviceError;
 use bus_master::JoinError;
+use bus_master::diagnosis::Silence;
 use bus_master::sdo::SdoError;
 use output::write::{NoPlace, WriteError};
 
@@ -23,6 +24,25 @@ pub enum CalibrateError {
     /// A node did not do its part.
     #[error(transparent)]
     Sdo(SdoError),
+    /// A node does not answer, and why.
+    #[error("{0}")]
+    Silent(Silence),
+    /// The two nodes are of one kind, so of two instruments: their node-ids, the channel.
+    #[error(
+        "nodes {a} and {b} are both channel {1}, of two instruments: name channel A and channel B \
+         of one (`plumb scan` shows which belong together)",
+        a = .0[0],
+        b = .0[1]
+    )]
+    SameChannel([u8; 2], &'static str),
+    /// A node names another one as the other channel: it, the one given, the one named.
+    #[error(
+        "nodes {a} and {b} are not of one instrument: the other channel of node {a} is node {1} \
+         (2001h); name these two, or one node alone",
+        a = .0[0],
+        b = .0[1]
+    )]
+    NotOnePair([u8; 2], u32),
     /// The bus was lost.
     #[error("the bus is lost: {0}")]
     Lost(io::Error),

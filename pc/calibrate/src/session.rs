@@ -19,6 +19,7 @@ use tilt::chain::Calibration;
 use super::error::CalibrateError;
 use super::reading::{Reading, Upset, wrap};
 use super::turned::Log;
+use bus_master::diagnosis;
 use bus_master::nmt::{self, Command, State, Told};
 use bus_master::nodes;
 use bus_master::sdo::{Client, SdoError};
@@ -125,6 +126,7 @@ impl Session {
     /// nodes are then in the state in which they were found.
     pub fn open(bus: Bus, ids: &[u8]) -> Result<Self, CalibrateError> {
         let mut session = Self::look(bus, ids)?;
+        session.one_instrument()?;
         for place in 0..session.nodes.len() {
             session.nodes[place].state = session.heartbeat(session.nodes[place].id)?;
         }
@@ -147,11 +149,41 @@ impl Session {
             followed: Vec::new(),
         };
         for id in ids {
-            let node = session.meet(*id)?;
+            let met = session.meet(*id);
+            let node = met.map_err(|error| session.reason(*id, error))?;
             session.nodes.push(node);
         }
         session.nodes.sort_by_key(|node| node.channel as u8);
         Ok(session)
+    }
+
+    /// What an error of a node means; silence is looked into.
+    fn reason(&mut self, id: u8, error: CalibrateError) -> CalibrateError {
+        if !error.is_silence() {
+            return error;
+        }
+        match diagnosis::silence(&mut self.bus, Some(id)) {
+            Ok(why) => CalibrateError::Silent(why),
+            Err(lost) => CalibrateError::lost(lost),
+        }
+    }
+
+    /// Two nodes are the two channels of one instrument, by what they are and by whom they name.
+    fn one_instrument(&mut self) -> Result<(), CalibrateError> {
+        let [a, b] = &self.nodes[..] else {
+            return Ok(());
+        };
+        let (one, other) = (a.id, b.id);
+        if a.channel == b.channel {
+            return Err(CalibrateError::SameChannel([one, other], a.letter()));
+        }
+        for (id, peer) in [(one, other), (other, one)] {
+            let named = self.client(id).read_u32(0x2001, 0)?;
+            if named != u32::from(peer) {
+                return Err(CalibrateError::NotOnePair([id, peer], named));
+            }
+        }
+        Ok(())
     }
 
     /// How the bus is named.
