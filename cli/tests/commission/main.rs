@@ -4,4 +4,6 @@ mod bench;
 #[path = "../program/mod.rs"]
 mod program;
 mod silence;
+mod states;
+mod values;
 mod verbs;
