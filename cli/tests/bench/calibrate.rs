@@ -537,7 +537,7 @@ fn what_can_not_be_done_is_said_in_a_sentence() {
     );
     refused(
         &mut by_motor(&bench, &["--nodes", "9"]),
-        "node 9 does not answer",
+        "there is no node 9; nodes 1 and 2 are there",
     );
     refused(
         &mut calibrate(&bench, &["--by-hand"]),
