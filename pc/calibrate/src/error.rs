@@ -38,7 +38,8 @@ pub enum CalibrateError {
     /// A node names another one as the other channel: it, the one given, the one named.
     #[error(
         "nodes {a} and {b} are not of one instrument: the other channel of node {a} is node {1} \
-         (2001h); name these two, or one node alone",
+         (2001h); name these two, or one node alone (`plumb node-id --pair` makes two nodes a \
+         pair)",
         a = .0[0],
         b = .0[1]
     )]
