@@ -103,6 +103,17 @@ fn an_operational_node_was_asked_for_its_twin_by_node_id() {
 }
 
 #[test]
+fn the_other_channel_was_left_in_pre_operational_by_node_id() {
+    let bench = Bench::new(&[]);
+    bench.nmt(START, 2);
+    let done = bench.done(&["node-id", "7", "--node", "1"]);
+    assert!(done.contains("nodes 7 and 2 compare"), "{done}");
+    // In the order of the node-ids: the other channel first.
+    assert_eq!(state(&bench, 0), "operational");
+    assert_eq!(state(&bench, 1), "pre-operational");
+}
+
+#[test]
 fn two_channels_a_were_calibrated_as_one_instrument() {
     let bench = Bench::quick(&["--instruments", "2"]);
     let file = Scratch::new();

@@ -447,6 +447,10 @@ impl Work<'_> {
             ))?;
         }
         for id in [a, b] {
+            // One that keeps its node-id may be at work all this time; the reset ends that.
+            if Node::new(self.bus, id).state()? == Some(Ok(State::Operational)) {
+                self.stopped.push([id, id]);
+            }
             nmt::command(self.bus, Command::ResetNode, id).map_err(Fault::bus)?;
         }
         for (id, peer) in [(a, b), (b, a)] {
