@@ -2,6 +2,7 @@
 
 use std::io::Write as _;
 use std::path::PathBuf;
+use std::process::Stdio;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
 
@@ -66,6 +67,18 @@ impl Bench {
     /// Types a word of `plumb serve`.
     pub fn word(&mut self, word: &str) {
         self.served.word(word);
+    }
+
+    /// Changes the bit rate of all nodes to 500 kbit/s, and that of the adapter so much later, ms:
+    /// the one of `plumb serve` is told by hand, as any other. What the verb has printed.
+    pub fn at_500_kbit(&mut self, more: &[&str], adapter_ms: u64) -> String {
+        let words = [&["bitrate", "500", "--bus", &self.bus], more].concat();
+        let change = plumb(&words).stdout(Stdio::piped()).spawn().unwrap();
+        std::thread::sleep(Duration::from_millis(adapter_ms));
+        self.word("bit-rate 500");
+        let (status, out, err) = said(&change.wait_with_output().unwrap());
+        assert_eq!(status, Some(0), "{err}");
+        out
     }
 
     /// An NMT command, by hand over socketcand.

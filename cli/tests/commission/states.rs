@@ -1,8 +1,5 @@
 //! Verbs on nodes that are STOPPED or OPERATIONAL.
 
-use std::process::Stdio;
-use std::time::Duration;
-
 use super::bench::*;
 
 /// The NMT commands by hand.
@@ -69,12 +66,7 @@ fn a_stopped_node_was_to_be_left_behind_by_a_change_of_the_bit_rate() {
         told.contains("STOPPED") && told.contains("them: 1;") && told.contains("--stop"),
         "{told}"
     );
-    let words = ["bitrate", "500", "--stop", "--bus", &bench.bus];
-    let change = plumb(&words).stdout(Stdio::piped()).spawn().unwrap();
-    std::thread::sleep(Duration::from_millis(3500));
-    bench.word("bit-rate 500");
-    let (status, out, err) = said(&change.wait_with_output().unwrap());
-    assert_eq!(status, Some(0), "{err}");
+    let out = bench.at_500_kbit(&["--stop"], 3500);
     assert!(
         out.contains("node 1: 500 kbit/s, changed and stored"),
         "{out}"

@@ -2,7 +2,6 @@
 
 use device::objects::table::{self, Models};
 use serde_json::Value;
-use std::process::Stdio;
 use std::time::{Duration, Instant};
 
 use super::bench::*;
@@ -306,12 +305,7 @@ fn an_operational_node_was_to_be_left_behind_by_force() {
         );
         assert!(!told.contains("--force"), "{told}");
     }
-    let words = ["bitrate", "500", "--stop", "--bus", &bench.bus];
-    let change = plumb(&words).stdout(Stdio::piped()).spawn().unwrap();
-    std::thread::sleep(Duration::from_millis(3500));
-    bench.word("bit-rate 500");
-    let (status, out, err) = said(&change.wait_with_output().unwrap());
-    assert_eq!(status, Some(0), "{err}");
+    let out = bench.at_500_kbit(&["--stop"], 3500);
     assert!(
         out.ends_with("node 2: 500 kbit/s, changed and stored"),
         "{out}"
@@ -475,15 +469,7 @@ fn all_nodes_change_their_bit_rate_together() {
     );
     let told = bench.refused(&["bitrate", "500", "--node", "1"]);
     assert!(told.contains("a bus has one bit rate"), "{told}");
-    let change = plumb(&["bitrate", "500", "--delay", "300", "--bus", &bench.bus])
-        .stdout(Stdio::piped())
-        .spawn()
-        .unwrap();
-    // The adapter of `plumb serve` is told by hand, as any other.
-    std::thread::sleep(Duration::from_millis(2500));
-    bench.word("bit-rate 500");
-    let (status, out, err) = said(&change.wait_with_output().unwrap());
-    assert_eq!(status, Some(0), "{err}");
+    let out = bench.at_500_kbit(&["--delay", "300"], 2500);
     assert!(
         out.ends_with("node 2: 500 kbit/s, changed and stored"),
         "{out}"

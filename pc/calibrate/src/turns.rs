@@ -39,7 +39,7 @@ const SETTLE_S: f64 = 0.7;
 const FEWEST: usize = 14;
 
 /// Standard uncertainty of the accelerometer's vertical but for what its fit leaves, deg.
-const VERTICAL_DEG: f64 = 0.02;
+pub const VERTICAL_DEG: f64 = 0.02;
 
 /// How often a node with its new correction is asked for an angle, which its estimator has to find.
 const TRIES: usize = 5;

@@ -19,6 +19,7 @@
 //! [`Accuracy::bias`].
 
 pub mod bias;
+mod equations;
 pub mod scale;
 #[cfg(test)]
 mod tests;
@@ -29,8 +30,8 @@ pub use scale::{FEWEST_SCALE_TURNS, FittedScale, SLOPE_PRIOR, ScaleFit};
 pub use turn::{Rotation, Turn, TurnSum};
 
 use super::FitError;
-use super::least_squares::{Normal, square_root};
 use crate::rate::{RateCorrection, RealRateCorrection};
+use equations::Equations;
 use turn::minus_identity;
 
 /// Standard deviation of the scale of a part as it comes: 2 %.
@@ -89,13 +90,8 @@ impl Accuracy {
 #[derive(Clone, Debug)]
 pub struct GainFit {
     accuracy: Accuracy,
-    /// M - 1, row by row; three rows for each turn, of which two are independent.
-    normal: Normal<9, 1>,
-    /// Weighted sum of squares of the values.
-    square: f64,
-    /// Sum of the weights.
-    weight: f64,
-    turns: usize,
+    /// For M - 1, row by row.
+    equations: Equations<9>,
     /// What the turns leave open stays near these.
     prior: [[f64; 3]; 3],
 }
@@ -121,10 +117,7 @@ impl GainFit {
     pub fn new(accuracy: Accuracy) -> Self {
         Self {
             accuracy,
-            normal: Normal::default(),
-            square: 0.0,
-            weight: 0.0,
-            turns: 0,
+            equations: Equations::default(),
             prior: turn::IDENTITY,
         }
     }
@@ -139,13 +132,8 @@ impl GainFit {
 
     /// Adds a turn.
     pub fn add(&mut self, turn: &Turn) {
-        let weight = self.accuracy.weight(turn);
-        for (row, &value) in turn.rows.iter().zip(&turn.values) {
-            self.normal.add(*row, [value], weight);
-            self.square += weight * value * value;
-        }
-        self.weight += weight;
-        self.turns += 1;
+        let lines = turn.rows.into_iter().zip(turn.values);
+        self.equations.add(lines, self.accuracy.weight(turn));
     }
 
     /// The gains as far as the turns show them; look at the uncertainty of each.
@@ -155,34 +143,26 @@ impl GainFit {
     /// by more than 2 deg (rms): a wrong unit, sign or axis, or an accelerometer that is not
     /// calibrated. [`FitError::IllConditioned`] for numbers that no arithmetic copes with.
     pub fn solve(&self) -> Result<FittedGains, FitError> {
-        if self.turns < FEWEST_TURNS {
-            return Err(FitError::TooFew {
-                have: self.turns,
-                need: FEWEST_TURNS,
-            });
-        }
-        let with_prior = self.with_prior();
-        let (solution, condition) = with_prior.solve_within(WORST_CONDITION)?;
-        let [left] = self.normal.left_over(&solution, [self.square]);
-        let gains = plus_identity(solution);
-        let residual_rms_deg = square_root(left / (2.0 * self.weight)) * DEGREES;
-        if !(plausible(&gains) && residual_rms_deg <= LARGEST_RESIDUAL_DEG) {
+        let turns = self.equations.at_least(FEWEST_TURNS)?;
+        let solved = self.equations.solve(known_gains(&self.prior))?;
+        let gains = plus_identity(solved.numbers);
+        if !(plausible(&gains) && solved.residual_rms_deg <= LARGEST_RESIDUAL_DEG) {
             return Err(FitError::Implausible);
         }
         Ok(FittedGains {
             gains,
-            uncertainty: self.uncertainty(with_prior.variances(), left),
-            residual_rms_deg,
-            condition,
-            turns: self.turns,
+            uncertainty: rows(solved.uncertainty),
+            residual_rms_deg: solved.residual_rms_deg,
+            condition: solved.condition,
+            turns,
         })
     }
 
     /// The best known M so far, to begin the next turn with; that which it begins near before the
     /// first one, and where the turns contradict each other.
     pub fn present(&self) -> [[f64; 3]; 3] {
-        let found = self.with_prior().solve_within(WORST_CONDITION);
-        let gains = found.map(|(solution, _)| plus_identity(solution));
+        let found = self.equations.solve(known_gains(&self.prior));
+        let gains = found.map(|solved| plus_identity(solved.numbers));
         gains.ok().filter(plausible).unwrap_or(self.prior)
     }
 
@@ -201,33 +181,6 @@ impl GainFit {
             Err(FitError::IllConditioned { condition })
         }
     }
-
-    /// One more observation for each parameter: that it is what one begins near, by the prior.
-    fn with_prior(&self) -> Normal<9, 1> {
-        let mut normal = self.normal.clone();
-        let near = minus_identity(&self.prior);
-        let parameters = priors().into_iter().zip(near);
-        let parameters = parameters.flat_map(|(row, near)| row.into_iter().zip(near));
-        for (n, (prior, near)) in parameters.enumerate() {
-            let mut row = [0.0; 9];
-            if let Some(one) = row.get_mut(n) {
-                *one = 1.0;
-            }
-            normal.add(row, [near], 1.0 / (prior * prior));
-        }
-        normal
-    }
-
-    /// From the variances of the fit and its weighted sum of squares.
-    fn uncertainty(&self, variances: [f64; 9], left: f64) -> [[f64; 3]; 3] {
-        let free = (2 * self.turns).saturating_sub(9).max(1) as f64;
-        let grown = (left / free).max(1.0);
-        let mut uncertainty = priors();
-        for (own, variance) in uncertainty.iter_mut().flatten().zip(variances) {
-            *own = square_root(variance * grown).min(*own);
-        }
-        uncertainty
-    }
 }
 
 /// Standard deviations of a part as it comes.
@@ -237,9 +190,26 @@ const fn priors() -> [[f64; 3]; 3] {
     [[S, A, A], [A, S, A], [A, A, S]]
 }
 
+/// What each entry of M - 1 is near where M is near `gains`, with the standard deviation of a part
+/// as it comes; row by row.
+fn known_gains(gains: &[[f64; 3]; 3]) -> [(f64, f64); 9] {
+    let mut known = [(0.0, 0.0); 9];
+    let near = minus_identity(gains).into_iter().flatten();
+    let both = near.zip(priors().into_iter().flatten());
+    for (known, both) in known.iter_mut().zip(both) {
+        *known = both;
+    }
+    known
+}
+
 /// From M - 1, row by row, to M.
-fn plus_identity([[a, b, c, d, e, f, g, h, i]]: [[f64; 9]; 1]) -> [[f64; 3]; 3] {
+fn plus_identity(errors: [f64; 9]) -> [[f64; 3]; 3] {
+    let [[a, b, c], [d, e, f], [g, h, i]] = rows(errors);
     [[1.0 + a, b, c], [d, 1.0 + e, f], [g, h, 1.0 + i]]
+}
+
+const fn rows([a, b, c, d, e, f, g, h, i]: [f64; 9]) -> [[f64; 3]; 3] {
+    [[a, b, c], [d, e, f], [g, h, i]]
 }
 
 fn plausible(gains: &[[f64; 3]; 3]) -> bool {

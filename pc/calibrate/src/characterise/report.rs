@@ -29,15 +29,13 @@ use crate::data::{
 use crate::fit::temperature;
 use crate::gyroscope;
 use crate::session::Node;
+use crate::turns::VERTICAL_DEG;
 
 /// What a temperature that is told to a degree is off by, degC (k = 1): uniform.
 const THERMOMETER_C: f64 = 0.289;
 
 /// A model never counts as better than this, mg: the 1/f floor of the sensor. `[ASSUME]`
 const FLOOR_MG: f64 = 0.04;
-
-/// Standard uncertainty of the vertical but for what the model leaves, deg. `[ASSUME]`
-const VERTICAL_DEG: f64 = 0.02;
 
 /// What a node is to get.
 #[derive(Clone, Debug)]

@@ -18,9 +18,9 @@
 //! Left out: a scale that bends with temperature, and axes whose directions move.
 
 use super::super::FitError;
-use super::super::least_squares::{Normal, square_root};
-use super::turn::{Turn, minus_identity};
-use super::{Accuracy, DEGREES, WORST_CONDITION, plausible, plus_identity, priors};
+use super::equations::Equations;
+use super::turn::Turn;
+use super::{Accuracy, known_gains, plausible, plus_identity};
 use crate::sample::Temperature;
 
 /// Standard deviation of the slope of a part's scale, 1 per degC: 0.01 %/degC. Data sheets of MEMS
@@ -41,14 +41,8 @@ const LARGEST_RESIDUAL_DEG: f64 = 1.0;
 #[derive(Clone, Debug)]
 pub struct ScaleFit {
     accuracy: Accuracy,
-    /// M - 1, row by row, then s of each axis; three rows for each turn, of which two are
-    /// independent.
-    normal: Normal<12, 1>,
-    /// Weighted sum of squares of the values.
-    square: f64,
-    /// Sum of the weights.
-    weight: f64,
-    turns: usize,
+    /// For M - 1, row by row, then s of each axis.
+    equations: Equations<12>,
     /// M0 and s0: what the fit begins near, and what it stays near where the turns leave it open.
     gains: [[f64; 3]; 3],
     slopes: [f64; 3],
@@ -76,10 +70,7 @@ impl ScaleFit {
     pub fn near(gains: [[f64; 3]; 3], slopes: [f64; 3], accuracy: Accuracy) -> Self {
         Self {
             accuracy,
-            normal: Normal::default(),
-            square: 0.0,
-            weight: 0.0,
-            turns: 0,
+            equations: Equations::default(),
             gains,
             slopes,
         }
@@ -88,14 +79,9 @@ impl ScaleFit {
     /// Adds a turn, with the mean temperature of the rests before and after it.
     pub fn add(&mut self, turn: &Turn, temperature: Temperature) {
         let d = (f64::from(temperature.0) - f64::from(Temperature::REFERENCE.0)) / 256.0;
-        let weight = self.accuracy.weight(turn);
-        for (row, &value) in turn.rows.iter().zip(&turn.values) {
-            let (row, value) = self.equation(*row, value, d);
-            self.normal.add(row, [value], weight);
-            self.square += weight * value * value;
-        }
-        self.weight += weight;
-        self.turns += 1;
+        let ([a, b, c], [x, y, z]) = (turn.rows, turn.values);
+        let lines = [(a, x), (b, y), (c, z)].map(|(row, value)| self.equation(row, value, d));
+        self.equations.add(lines, self.accuracy.weight(turn));
     }
 
     /// The slopes as far as the turns show them; look at the uncertainty of each.
@@ -105,28 +91,21 @@ impl ScaleFit {
     /// 10 deg, or the turns contradict each other by more than 1 deg (rms).
     /// [`FitError::IllConditioned`] for numbers that no arithmetic copes with.
     pub fn solve(&self) -> Result<FittedScale, FitError> {
-        if self.turns < FEWEST_SCALE_TURNS {
-            return Err(FitError::TooFew {
-                have: self.turns,
-                need: FEWEST_SCALE_TURNS,
-            });
-        }
-        let with_prior = self.with_prior();
-        let (solution, condition) = with_prior.solve_within(WORST_CONDITION)?;
-        let [left] = self.normal.left_over(&solution, [self.square]);
-        let [[a, b, c, d, e, f, g, h, i, slopes @ ..]] = solution;
-        let gains = plus_identity([[a, b, c, d, e, f, g, h, i]]);
-        let residual_rms_deg = square_root(left / (2.0 * self.weight)) * DEGREES;
+        let turns = self.equations.at_least(FEWEST_SCALE_TURNS)?;
+        let solved = self.equations.solve(self.known())?;
+        let [a, b, c, d, e, f, g, h, i, slopes @ ..] = solved.numbers;
+        let gains = plus_identity([a, b, c, d, e, f, g, h, i]);
         let flat = slopes.iter().all(|s: &f64| s.abs() <= LARGEST_SLOPE);
-        if !(flat && plausible(&gains) && residual_rms_deg <= LARGEST_RESIDUAL_DEG) {
+        if !(flat && plausible(&gains) && solved.residual_rms_deg <= LARGEST_RESIDUAL_DEG) {
             return Err(FitError::Implausible);
         }
+        let [.., x, y, z] = solved.uncertainty;
         Ok(FittedScale {
             slopes,
-            uncertainty: self.uncertainty(&with_prior, left),
-            residual_rms_deg,
-            condition,
-            turns: self.turns,
+            uncertainty: [x, y, z],
+            residual_rms_deg: solved.residual_rms_deg,
+            condition: solved.condition,
+            turns,
         })
     }
 
@@ -155,31 +134,10 @@ impl ScaleFit {
         (row, value + begun)
     }
 
-    /// What each parameter is near, with its standard deviation.
-    fn near_each(&self) -> impl Iterator<Item = (f64, f64)> {
-        let gains = minus_identity(&self.gains).into_iter().flatten();
-        let gains = gains.zip(priors().into_iter().flatten());
-        gains.chain(self.slopes.map(|slope| (slope, SLOPE_PRIOR)))
-    }
-
-    /// One more observation for each parameter: that it is what one begins near.
-    fn with_prior(&self) -> Normal<12, 1> {
-        let mut normal = self.normal.clone();
-        for (n, (near, prior)) in self.near_each().enumerate() {
-            let mut row = [0.0; 12];
-            if let Some(one) = row.get_mut(n) {
-                *one = 1.0;
-            }
-            normal.add(row, [near], 1.0 / (prior * prior));
-        }
-        normal
-    }
-
-    /// Of the slopes, from the variances of the fit and its weighted sum of squares.
-    fn uncertainty(&self, with_prior: &Normal<12, 1>, left: f64) -> [f64; 3] {
-        let free = (2 * self.turns).saturating_sub(12).max(1) as f64;
-        let grown = (left / free).max(1.0);
-        let [.., x, y, z] = with_prior.variances();
-        [x, y, z].map(|variance| square_root(variance * grown).min(SLOPE_PRIOR))
+    /// What each number is near, with its standard deviation.
+    fn known(&self) -> [(f64, f64); 12] {
+        let [a, b, c, d, e, f, g, h, i] = known_gains(&self.gains);
+        let [x, y, z] = self.slopes.map(|slope| (slope, SLOPE_PRIOR));
+        [a, b, c, d, e, f, g, h, i, x, y, z]
     }
 }
