@@ -24,7 +24,7 @@ from master import (
 )
 
 WAITING, AGREE, DISAGREE, OWN_ILL, OTHER_ILL, NONE_MEASURES = 0, 1, 6, 7, 8, 9
-NOISE, SPIKES, BIASED, REFUSED, UNCONFIRMED = 10, 11, 13, 17, 18
+NOISE, SPIKES, BIASED, SILENT, REFUSED, UNCONFIRMED = 10, 11, 13, 15, 17, 18
 DISAGREE_CODE, BIASED_CODE = 0xFF13, 0xFF08
 OWN_CODE, OTHER_CODE, NONE_CODE = 0xFF14, 0xFF15, 0xFF16
 DEGREES_24 = 360 / 2**24
@@ -419,6 +419,36 @@ def test_the_peers_stopping_is_noticed(pair: Master) -> None:
     emcy(pair, mark, 1, OTHER_CODE)
     pair.nmt(START, 2)
     state(pair, 1, AGREE, 8)
+
+
+# What is behind the angles of node 2, and how far it has turned: sent by it, received by node 1.
+BEHIND = [(2, 0x1803, 0x482), (1, 0x1401, 0x482)]
+TURN = [(2, 0x1806, 0x402), (1, 0x1402, 0x402)]
+
+
+@pytest.mark.parametrize(
+    ("node", "index", "identifier"),
+    BEHIND + TURN * (MODE == "dynamic"),
+    ids=lambda value: f"{value:X}",
+)
+def test_a_part_of_the_exchange_that_never_came_was_not_reported(
+    pair: Master, node: int, index: int, identifier: int
+) -> None:
+    """Without it there are faults that no comparison shows."""
+
+    def switch(off: int) -> None:
+        # The product's data sheet does not have all of them.
+        data = (identifier | off).to_bytes(4, "little")
+        assert pair.refusal(node, index, 1, data) == 0
+
+    mark = pair.mark()
+    switch(1 << 31)
+    emcy(pair, mark, 1, OTHER_CODE)
+    assert verdict(pair, 1) == [2, SILENT]
+    assert pair.read(1, 0x2020) & 0x3F == 0x03, "this one's angles, and no comparison"
+    assert pair.read(2, 0x2021) == AGREE, "it receives all that it needs"
+    switch(0)
+    state(pair, 1, AGREE)
 
 
 def test_single_lost_frames_are_no_fault(plumb: Plumb, pair: Master) -> None:

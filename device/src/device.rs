@@ -36,6 +36,7 @@ use crate::calibration::encoding::identity;
 use crate::calibration::motor::TableSettings;
 use crate::calibration::recall;
 use crate::channel::{Channel, Settings, Setup};
+use crate::exchange::Pdos;
 use crate::fault::Faults;
 use crate::instrument::Instrument;
 use crate::objects::device_objects::{DeviceObjects, Identity, Memory, Parts, Source, stored_lss};
@@ -320,7 +321,7 @@ impl<P: Part, M: Memory, I: Instrument> Device<P, M, I> {
         let pending = &self.parts.values.pending;
         if pending.sync {
             self.synchronised(SyncSource::Bus, now);
-        } else if pending.exchange || pending.backing {
+        } else if pending.exchange != Pdos::NONE {
             return self.exchanged(now);
         }
         self.after(now);
@@ -453,7 +454,7 @@ impl<P: Part, M: Memory, I: Instrument> Device<P, M, I> {
             let pending = &mut self.parts.values.pending;
             pending.reset |= core::mem::take(&mut pending.restart);
             self.matching.sending = Sending::new();
-            self.matching.misses = 0;
+            self.matching.excuse();
             self.parts.values.pending.own = None;
             self.parts.pair.lost();
         }

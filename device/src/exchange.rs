@@ -100,7 +100,10 @@ impl ToldTurn {
 
     fn encode(turned: Option<&Turned>, captured: u8) -> Self {
         let Some(turned) = turned else {
-            return Self::NOTHING;
+            return Self {
+                captured,
+                ..Self::NOTHING
+            };
         };
         let mut angle = turned.angle;
         if angle == NO_VECTOR {
@@ -114,15 +117,40 @@ impl ToldTurn {
         }
     }
 
-    /// What the peer has told with what is behind its angles; `None` for another SYNC.
-    fn decode(&self, captured: u8) -> Option<Turned> {
-        (self.captured == captured && self.angle != NO_VECTOR).then_some(Turned {
+    /// What the peer has told; `None` where it has told that there is nothing.
+    fn decode(&self) -> Option<Turned> {
+        (self.angle != NO_VECTOR).then_some(Turned {
             angle: self.angle,
             activity: Activity(self.activity),
             bias: None,
             accel: 0,
             away: 0,
         })
+    }
+}
+
+/// PDOs of an exchange, as a set: those that have come since a SYNC.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Pdos(u8);
+
+impl Pdos {
+    /// None of them.
+    pub const NONE: Self = Self(0);
+    /// The first one: both angles.
+    pub const ANGLES: Self = Self(1);
+    /// The second one: what is behind them.
+    pub const BACKING: Self = Self(1 << 1);
+    /// The third one: how far the channel has turned.
+    pub const TURN: Self = Self(1 << 2);
+
+    /// All of either set.
+    pub const fn with(self, others: Self) -> Self {
+        Self(self.0 | others.0)
+    }
+
+    /// True when all of the others are among these.
+    pub const fn have(self, others: Self) -> bool {
+        self.0 & others.0 == others.0
     }
 }
 
@@ -147,6 +175,15 @@ impl Exchange {
     pub const fn piece(&self) -> u8 {
         let [x, y] = self.angle;
         (x & BELOW | (y & BELOW) << 4) as u8
+    }
+
+    /// Those of the PDOs that have come that belong together: a turn of another SYNC than what is
+    /// behind the angles has not come.
+    pub const fn of_one_sync(&self, came: Pdos) -> Pdos {
+        if came.have(Pdos::TURN) && self.turned.captured != self.captured {
+            return Pdos(came.0 & !Pdos::TURN.0);
+        }
+        came
     }
 
     /// Takes the first PDO as it is on the bus: both angles with their qualities.
@@ -362,8 +399,11 @@ pub fn decode_reading(exchange: &Exchange, at: Instant, latency_us: u32) -> Read
 
 /// All that the peer has told; see [`decode_reading`].
 ///
-/// `backed` is false when the second PDO of this SYNC has not come.
-pub fn decode(exchange: &Exchange, at: Instant, latency_us: u32, backed: bool) -> Observation {
+/// `came` are the PDOs of this SYNC that have come. What is behind the angles shows of which SYNC a
+/// turn is, so without that there is none.
+pub fn decode(exchange: &Exchange, at: Instant, latency_us: u32, came: Pdos) -> Observation {
+    let backed = came.have(Pdos::BACKING);
+    let turn = backed && exchange.of_one_sync(came).have(Pdos::TURN);
     let there = backed && exchange.vector != NO_VECTOR;
     Observation {
         reading: decode_reading(exchange, at, latency_us),
@@ -371,7 +411,7 @@ pub fn decode(exchange: &Exchange, at: Instant, latency_us: u32, backed: bool) -
             accel: exchange.vector.map(|step| i32::from(step) << 13),
         }),
         activity: Activity(if backed { exchange.activity } else { 0 }),
-        turned: exchange.turned.decode(exchange.captured).filter(|_| backed),
+        turned: if turn { exchange.turned.decode() } else { None },
     }
 }
 
@@ -382,6 +422,7 @@ mod tests {
 
     const AT: Instant = Instant(7_000_000);
     const ALIKE: Presentation = Presentation::AS_MEASURED;
+    const BACKED: Pdos = Pdos::ANGLES.with(Pdos::BACKING);
 
     fn measured(angle: i32, unshared: u32) -> Result<Measurement, Invalid> {
         Ok(Measurement {
@@ -465,7 +506,7 @@ mod tests {
         };
         let told = encode(&observation, ALIKE, Instant(1_234_999));
         assert_eq!(told.captured, (617 % 256) as u8);
-        let back = decode(&told, AT, 0, true);
+        let back = decode(&told, AT, 0, BACKED);
         assert_eq!(
             (back.reading.x, back.activity),
             (Err(Invalid::Noise), Activity(77))
@@ -474,10 +515,45 @@ mod tests {
         assert_eq!(vector[0], tilt::ONE_G);
         assert!((vector[1] + 5_000_000).abs() <= 1 << 12);
         assert_eq!(vector[2], 32_767 << 13, "the end of what can be told");
-        let bare = decode(&told, AT, 0, false);
+        let bare = decode(&told, AT, 0, Pdos::ANGLES);
         assert_eq!((bare.vector, bare.activity), (None, Activity::NONE));
         let none = encode(&Observation::absent(Invalid::Bus), ALIKE, AT);
-        assert_eq!(decode(&none, AT, 0, true).vector, None);
+        assert_eq!(decode(&none, AT, 0, BACKED).vector, None);
+    }
+
+    /// Each set of PDOs that may have come, with a turn of this SYNC and of another one.
+    #[test]
+    fn a_turn_that_has_not_come_at_this_sync_is_none() {
+        let turned = Turned {
+            angle: [1, -2, 3],
+            activity: Activity(9),
+            bias: None,
+            accel: 0,
+            away: 0,
+        };
+        let observation = Observation {
+            turned: Some(turned),
+            ..Observation::absent(Invalid::Noise)
+        };
+        let fresh = encode(&observation, ALIKE, AT);
+        let mut stale = fresh;
+        stale.turned.captured = stale.turned.captured.wrapping_sub(10);
+        let without = encode(&Observation::absent(Invalid::Noise), ALIKE, AT);
+        for came in (0..8).map(Pdos) {
+            let all = came.have(BACKED.with(Pdos::TURN));
+            let backed = came.have(Pdos::BACKING);
+            let told = |exchange: &Exchange| decode(exchange, AT, 0, came).turned;
+            let turn = (backed && came.have(Pdos::TURN)).then_some(turned);
+            assert_eq!(told(&fresh), turn, "{came:?}");
+            assert_eq!((told(&stale), told(&without)), (None, None), "{came:?}");
+            let whole = |exchange: &Exchange| {
+                let needed = BACKED.with(Pdos::TURN);
+                exchange.of_one_sync(came).have(needed)
+            };
+            assert_eq!([&fresh, &without].map(whole), [all; 2], "{came:?}");
+            assert!(!whole(&stale), "{came:?}");
+            assert_eq!(stale.of_one_sync(came).have(BACKED), came.have(BACKED));
+        }
     }
 
     #[test]

@@ -9,7 +9,8 @@
 //! - one channel alone has agreed with the other one before, and did not differ from it since;
 //! - a disagreement ends with a reset of its node, or as 2004h says;
 //! - a safety frame has a comparison behind it that is no older than its cycle;
-//! - nobody who was told of a channel's fault reads an angle of it, in whatever state of the node.
+//! - nobody who was told of a channel's fault reads an angle of it, in whatever state of the node;
+//! - two that agree have received whole exchanges of each other.
 //!
 //! A state is what is connected and OPERATIONAL, what was found and is shown, and what the rules
 //! have seen; each is tried with every event, which is followed by each of three lengths of time.
@@ -23,31 +24,8 @@ use std::collections::{HashSet, VecDeque};
 use std::fmt::Write as _;
 
 use both::part::Kind;
-use both::{Heard, NODES, Policy, TICK_US, World};
-use device::fault::Fault;
-use instant::Instant;
-use tilt::angle::Axes;
-
-/// How long a wrong angle may be marked valid while both can be compared, us.
-const REACTION_US: i64 = 500_000;
-
-/// Cycle of the safety frames as delivered, and what a comparison takes after its SYNC, us.
-const SCT_US: i64 = 25_000;
-
-/// The slowest SYNC for which the reaction time is promised, us.
-const PROMISED_SYNC_US: i64 = 50_000;
-
-/// The most that one pair counts for towards going on alone, us.
-const MOST_CREDIT_US: i64 = 250_000;
-
-/// Faults that the sensor's own node finds, beside which there is no angle.
-const OF_THE_SENSOR: [Fault; 5] = [
-    Fault::SensorSupply,
-    Fault::SensorBus,
-    Fault::SensorSilent,
-    Fault::SensorStuck,
-    Fault::Thermometer,
-];
+use both::rules::{INCOMPLETE_ALLOWED, REACTION_US, Rules, Watch};
+use both::{Heard, NODES, Policy, World};
 
 /// What can happen.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -65,12 +43,25 @@ enum Event {
     Power(usize, bool),
     LoseExchange(usize),
     BrownOut(usize),
+    /// From now on this PDO of a node's exchange does not arrive; `None`: all do.
+    Omit(usize, Option<usize>),
     Sync(Option<i64>),
 }
 
-/// What can happen to one node, in kinds.
-fn kinds(n: usize) -> [Vec<Event>; 8] {
-    [
+impl Event {
+    /// A node goes, comes, or begins anew.
+    fn is_of_a_node(self) -> bool {
+        use Event::{Bias, LoseExchange, Omit, Sync, Time, Turn};
+        !matches!(
+            self,
+            Time | Bias(_) | Turn(_) | LoseExchange(_) | Omit(..) | Sync(_)
+        )
+    }
+}
+
+/// What can happen to one node with this part, in kinds.
+fn kinds(part: Kind, n: usize) -> Vec<Vec<Event>> {
+    let mut kinds = vec![
         vec![Event::PreOperational(n), Event::Start(n)],
         vec![Event::Reset(n)],
         vec![Event::ResetCommunication(n)],
@@ -79,16 +70,19 @@ fn kinds(n: usize) -> [Vec<Event>; 8] {
         vec![Event::Power(n, false), Event::Power(n, true)],
         vec![Event::LoseExchange(n)],
         vec![Event::BrownOut(n)],
-    ]
+    ];
+    let omitted = |pdo| [Some(pdo), None].map(|pdo| Event::Omit(n, pdo)).to_vec();
+    kinds.extend((0..part.pdos()).map(omitted));
+    kinds
 }
 
 /// What can happen when one kind of event happens to node 0 and one to node 1, and these come and
 /// go in the biased one.
-fn events(faults: &[fn(bool) -> Event], kind: [usize; 2]) -> Vec<Event> {
+fn events(part: Kind, faults: &[fn(bool) -> Event], kind: [usize; 2]) -> Vec<Event> {
     let faults = faults.iter().flat_map(|fault| [true, false].map(fault));
     let mut all: Vec<_> = [Event::Time].into_iter().chain(faults).collect();
     for n in NODES {
-        all.extend(&kinds(n)[kind[n]]);
+        all.extend(&kinds(part, n)[kind[n]]);
         if !all.contains(&Event::Start(n)) {
             all.push(Event::Start(n));
         }
@@ -102,13 +96,6 @@ const BIASED: usize = 0;
 const BIAS_MG: i16 = 50;
 const TURN_DPS: i16 = 2;
 
-/// Both are level. An angle that is farther off is wrong, deg.
-const WRONG_DEG: f64 = 1.0;
-
-/// It is off by so many of its stated standard uncertainties as well: two angles that are closer
-/// than that do not differ (`tilt::cross_check::WindowCheck`).
-const COVERAGE: f64 = 5.0;
-
 /// How long an event is followed by nothing else, us: less than what makes a peer silent, less and
 /// more than what a difference has to last, and more than what a silence is held against it.
 const PAUSES_US: [i64; 3] = [30_000, 350_000, 1_400_000];
@@ -117,32 +104,6 @@ const PAUSES_US: [i64; 3] = [30_000, 350_000, 1_400_000];
 const MOST_STATES: usize = 60_000;
 /// One that finds fewer has not searched.
 const FEWEST_STATES: usize = 300;
-
-/// What was true of one node so far.
-#[derive(Clone, Copy, Debug, Default)]
-struct Past {
-    /// For how long its angle has been wrong while both could be compared, us.
-    exposed_us: i64,
-    /// For how long both could be compared since it was last away, us, and in how many SYNCs.
-    compared_us: i64,
-    compared: u32,
-    /// It has shown a disagreement that only a reset ends.
-    disagreed: bool,
-    /// When the last SYNC was at which both could be compared.
-    last: Option<Instant>,
-}
-
-/// What was true so far.
-#[derive(Clone, Debug)]
-struct Watch {
-    past: [Past; 2],
-    last_sync: Instant,
-    /// What was compared before an interruption counts for nothing towards the time in which a
-    /// wrong angle has to be found: a difference of two verticals alone takes most of it.
-    anew: bool,
-    /// Time between the SYNCs before, us. A PDO is made before its own SYNC is counted.
-    periods_us: [i64; 3],
-}
 
 #[derive(Clone)]
 struct State {
@@ -157,35 +118,13 @@ impl State {
         let mut world = World::new(part, policy);
         world.load();
         NODES.into_iter().for_each(|n| world.boot(n));
-        let watch = Watch {
-            past: [Past::default(); 2],
-            last_sync: world.now,
-            anew: part == Kind::Ism330dhcx,
-            periods_us: [0; 3],
-        };
+        let watch = Watch::new(world.now, part == Kind::Ism330dhcx);
         world.save();
         Self {
             world,
             biased: [false; 2],
             watch,
         }
-    }
-
-    /// Both measure, and can hear each other.
-    fn measures(world: &World) -> bool {
-        let sound = |node: &both::Node| {
-            let Axes { x, y } = &node.device.values().process.measured;
-            node.device.channel().reason().is_none() && x.is_ok() && y.is_ok()
-        };
-        let mut nodes = world.nodes.iter();
-        nodes.all(|node| node.is_connected() && node.is_operational() && sound(node))
-    }
-
-    /// They do, and neither holds itself faulty.
-    fn can_compare(world: &World) -> bool {
-        let mut nodes = world.nodes.iter();
-        let faultless = nodes.all(|node| node.device.pair().own_fault().is_none());
-        faultless && Self::measures(world)
     }
 
     /// The event makes a difference now.
@@ -203,6 +142,9 @@ impl State {
             Event::Recover(n) => node(n).powered && node(n).off,
             Event::Power(n, on) => node(n).powered != on,
             Event::BrownOut(n) => node(n).powered,
+            // One after the other, so that each comes back.
+            Event::Omit(n, Some(_)) => self.world.omitted[n].is_none(),
+            Event::Omit(n, None) => self.world.omitted[n].is_some(),
             Event::Sync(us) => self.world.sync_us != us,
         }
     }
@@ -254,16 +196,24 @@ impl State {
             Event::Power(n, true) => world.boot(n),
             Event::LoseExchange(n) => world.lose_exchange(n),
             Event::BrownOut(n) => world.part(n).power_down(),
+            Event::Omit(n, pdo) => world.omitted[n] = pdo,
             Event::Sync(us) => world.set_sync(us),
         }
-        watch.borrow_mut().begin_anew(world, event);
+        let restarted = match event {
+            Event::Reset(n) | Event::Power(n, _) => Some(n),
+            _ => None,
+        };
+        let mut begins = watch.borrow_mut();
+        begins.begin_anew(world, event.is_of_a_node(), restarted);
+        drop(begins);
         world.run(pause_us, &mut heard);
         broken.into_inner()
     }
 
     /// What a state is: everything that the next events may depend on, times in classes.
     fn key(&self) -> String {
-        let mut key = format!("{:?} {:?}", self.world.sync_us, self.biased);
+        let world = &self.world;
+        let mut key = format!("{:?} {:?} {:?}", world.sync_us, self.biased, world.omitted);
         let shown = |n: usize| {
             let node = &self.world.nodes[n];
             (
@@ -287,7 +237,7 @@ impl State {
             // A string takes whatever is written to it.
             let _ = write!(
                 key,
-                " | {:?} {found:?} {} {:?} {:?} {} {} {} {}",
+                " | {:?} {found:?} {} {:?} {:?} {} {} {} {} {}",
                 shown(n),
                 told.state(),
                 told.usable(),
@@ -296,160 +246,10 @@ impl State {
                 past.compared_us >= REACTION_US,
                 past.compared.min(1),
                 past.disagreed,
+                past.incomplete > INCOMPLETE_ALLOWED,
             );
         }
         key
-    }
-}
-
-impl Watch {
-    /// A node that was reset, or left OPERATIONAL, begins anew.
-    fn begin_anew(&mut self, world: &World, event: Event) {
-        for (n, past) in self.past.iter_mut().enumerate() {
-            if matches!(event, Event::Reset(m) | Event::Power(m, _) if m == n) {
-                *past = Past::default();
-            }
-            if !world.nodes[n].is_operational() {
-                (past.compared, past.compared_us) = (0, 0);
-            }
-        }
-    }
-
-    fn sync(&mut self, world: &World, at: Instant) {
-        let period_us = at.micros_since(self.last_sync);
-        let [newest, before, _] = self.periods_us;
-        self.periods_us = [period_us, newest, before];
-        let passed_us = period_us.min(MOST_CREDIT_US);
-        let promised_us = passed_us.min(PROMISED_SYNC_US);
-        self.last_sync = at;
-        let faultless = State::can_compare(world);
-        for (n, past) in self.past.iter_mut().enumerate() {
-            match is_off(world, n) {
-                false => past.exposed_us = 0,
-                true if faultless => past.exposed_us += promised_us,
-                true => {}
-            }
-        }
-        if !State::measures(world) {
-            if self.anew {
-                self.past.iter_mut().for_each(|past| past.exposed_us = 0);
-            }
-            return;
-        }
-        for past in &mut self.past {
-            // What was compared before counts up to here, however many SYNCs there were between.
-            let since_us = past.last.map_or(passed_us, |last| at.micros_since(last));
-            past.compared_us += since_us.min(MOST_CREDIT_US);
-            past.compared += 1;
-            past.last = Some(at);
-        }
-    }
-}
-
-/// A node has measured an angle that is wrong, whether it may be used or not: by more than it
-/// states as well.
-fn is_off(world: &World, n: usize) -> bool {
-    let Axes { x, y } = &world.nodes[n].device.values().process.measured;
-    [x, y].into_iter().flatten().any(|measured| {
-        let stated_deg = COVERAGE * measured.uncertainty.degrees();
-        measured.angle.degrees().abs() > stated_deg.max(WRONG_DEG)
-    })
-}
-
-/// The rules, and what was true so far.
-struct Rules<'a> {
-    latch_s: u16,
-    watch: &'a mut Watch,
-    broken: &'a mut Vec<String>,
-}
-
-impl Rules<'_> {
-    /// One frame, held against the rules.
-    fn hear(&mut self, world: &World, heard: Heard) {
-        let Some(id) = heard.frame.cob_id() else {
-            return;
-        };
-        self.attribute(world);
-        match heard.by {
-            _ if id == 0x80 => self.watch.sync(world, heard.at),
-            Some(n) if id == 0x101 + 2 * n as u16 => self.safety_frame(world, n, &heard),
-            Some(n) if id == 0x181 + n as u16 => self.slopes(world, n, &heard),
-            Some(n) if id == 0x081 + n as u16 => self.fault_told(world, n, &heard),
-            _ => {}
-        }
-    }
-
-    fn rule(&mut self, holds: bool, heard: &Heard, what: &str) {
-        if !holds {
-            let (id, bytes) = (heard.frame.cob_id(), heard.frame.bytes());
-            self.broken
-                .push(format!("{what}: {:?} {id:X?} {bytes:X?}", heard.at));
-        }
-    }
-
-    fn is_wrong(&self, world: &World, n: usize) -> bool {
-        is_off(world, n) && self.watch.past[n].exposed_us > REACTION_US
-    }
-
-    fn safety_frame(&mut self, world: &World, n: usize, heard: &Heard) {
-        let past = self.watch.past[n];
-        self.rule(!self.is_wrong(world, n), heard, "a wrong safety frame");
-        let age_us = past.last.map(|last| heard.at.micros_since(last));
-        let checked = age_us.is_some_and(|us| us <= SCT_US + TICK_US);
-        self.rule(checked, heard, "a safety frame that was not checked");
-        self.rule(
-            !past.disagreed,
-            heard,
-            "a safety frame of two that disagree",
-        );
-    }
-
-    /// Whoever is told of a fault of the sensor and then reads 6010h finds no angle there, whatever
-    /// the state of the node.
-    fn fault_told(&mut self, world: &World, n: usize, heard: &Heard) {
-        let shown = world.nodes[n].device.shown(world.now);
-        let told = |fault: &&Fault| {
-            heard
-                .frame
-                .bytes()
-                .starts_with(&fault.report().0.to_le_bytes())
-        };
-        let absent = [0, 1].iter().all(|axis| shown.own(*axis).is_err());
-        let sound = OF_THE_SENSOR.iter().find(told).is_none();
-        self.rule(sound || absent, heard, "a fault told of a valid angle");
-    }
-
-    /// The difference is attributed to the other channel: stuck, noise, spikes, thermometer, bias,
-    /// calibration.
-    fn attribute(&mut self, world: &World) {
-        for (n, past) in self.watch.past.iter_mut().enumerate() {
-            let (blamed, why) = world.nodes[n].device.shown(world.now).blame();
-            past.disagreed &= !(blamed == 2 && (9..=14).contains(&why));
-        }
-    }
-
-    fn slopes(&mut self, world: &World, n: usize, heard: &Heard) {
-        let [.., validity, state] = heard.frame.bytes() else {
-            return;
-        };
-        let past = &mut self.watch.past[n];
-        past.disagreed |= *state == 6 && self.latch_s == 0;
-        if validity & 1 == 0 {
-            return;
-        }
-        let past = *past;
-        self.rule(!self.is_wrong(world, n), heard, "a wrong angle");
-        self.rule(!past.disagreed, heard, "a disagreement was forgotten");
-        // The SYNC of this very frame has not been compared yet.
-        let before = past.compared > u32::from(State::measures(world));
-        self.rule(before, heard, "valid without a comparison");
-        // The newest pair counts for a while (`device::pair`).
-        let [newest, before, first] = self.watch.periods_us;
-        let period_us = newest.min(before).max(before.min(first));
-        let counts_us = (period_us * 9 / 2).max(400_000) + TICK_US;
-        let age_us = past.last.map(|last| heard.at.micros_since(last));
-        let proven = age_us.is_some_and(|us| us <= counts_us) || past.compared_us >= 400_000;
-        self.rule(proven, heard, "alone without having agreed");
     }
 }
 
@@ -460,7 +260,7 @@ fn explore(policy: Policy, kind: [usize; 2]) {
 
 /// The same of these parts and faults.
 fn search(part: Kind, faults: &[fn(bool) -> Event], policy: Policy, kind: [usize; 2]) {
-    let events = events(faults, kind);
+    let events = events(part, faults, kind);
     let start = State::new(part, policy);
     let mut known = HashSet::from([start.key()]);
     let mut open = VecDeque::from([(start, Vec::new())]);
@@ -641,6 +441,12 @@ fn no_sequence_of_resets_and_losses_makes_a_wrong_angle_valid() {
 }
 
 #[test]
+fn no_sequence_of_omitted_pdos_makes_a_wrong_angle_valid() {
+    explore(AS_DELIVERED, [9, 6]);
+    search(Kind::Ism330dhcx, &[Event::Turn], AS_DELIVERED, [10, 6]);
+}
+
+#[test]
 fn no_policy_makes_a_wrong_angle_valid() {
     for policy in POLICIES {
         explore(policy, [0, 1]);
@@ -677,12 +483,20 @@ fn a_gyroscope_that_had_been_wrong_unseen_left_a_wrong_angle_valid() {
     }
 }
 
+/// Every kind of event at one node with every kind at the other.
+fn pairs(part: Kind) -> impl Iterator<Item = [usize; 2]> {
+    let count = kinds(part, 0).len();
+    (0..count * count).map(move |both| [both / count, both % count])
+}
+
 #[test]
 #[ignore = "every kind of event at one node with every kind at the other: hours"]
 fn no_sequence_of_events_makes_a_wrong_angle_valid() {
     for policy in POLICIES {
-        for kind in (0..64).map(|both| [both / 8, both % 8]) {
+        for kind in pairs(Kind::Lis2dw12) {
             explore(policy, kind);
+        }
+        for kind in pairs(Kind::Ism330dhcx) {
             let both: [fn(bool) -> Event; 2] = [Event::Bias, Event::Turn];
             search(Kind::Ism330dhcx, &both, policy, kind);
         }

@@ -1,12 +1,16 @@
 //! Matching: which observation of the peer belongs to which of this channel's.
 //!
-//! In: SYNCs, the two PDOs of the peer's exchange, the time. Out: pairs of observations of one SYNC
-//! for the pair's state machine ([`crate::pair`]) and the black box.
+//! In: SYNCs, the PDOs of the peer's exchange, the time. Out: pairs of observations of one SYNC for
+//! the pair's state machine ([`crate::pair`]) and the black box.
 //!
 //! A peer that misses a few SYNCs is waited for; then it is silent, or late when what it sends is
-//! of the past. While this node's own controller is off the bus nobody else is blamed for the
-//! silence, and a node whose own frames go out after later SYNCs takes its angles back: who pairs
-//! them with the wrong SYNC would read an old angle as a new one.
+//! of the past. An exchange is whole with its second PDO, and, where this channel has turned, with
+//! the third one. What has come of one that is not is compared for a few SYNCs; from then on it
+//! counts as none, since nobody would find the faults that only the missing PDO shows.
+//!
+//! While this node's own controller is off the bus nobody else is blamed for the silence, and a
+//! node whose own frames go out after later SYNCs takes its angles back: who pairs them with the
+//! wrong SYNC would read an old angle as a new one.
 //!
 //! Left out: what a pair is worth (`pair`) and what the bus is told of it (`report`).
 
@@ -21,7 +25,7 @@ use tilt::observation::Observation;
 use super::sending::Sending;
 use super::{Device, Memory};
 use crate::black_box::{self, blamed_reason};
-use crate::exchange;
+use crate::exchange::{self, Pdos};
 use crate::instrument::Instrument;
 use crate::objects::process::SyncSource;
 use crate::objects::values::Latched;
@@ -30,6 +34,14 @@ use crate::sensor::Part;
 
 /// SYNCs in a row that may pass without the peer's exchange before it counts as silent.
 const MISSES_ALLOWED: u8 = 2;
+
+/// SYNCs in a row that may pass without a whole exchange before it counts as none: a pair counts
+/// for as long, and two turns at SYNCs of 50 ms, the slowest that the reaction time is promised
+/// for, may be so far apart (`tilt::cross_check::rates`).
+const INCOMPLETE_ALLOWED: u8 = 4;
+
+/// What every exchange has.
+const WHOLE: Pdos = Pdos::ANGLES.with(Pdos::BACKING);
 
 /// A fault that does not show for so long is over, us: the slowest that makes the difference of two
 /// accelerations too large shows within that.
@@ -48,9 +60,11 @@ const BUS_OFF: u8 = 2;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Matching {
     clock: PeerClock,
-    /// The first PDO of this SYNC's exchange has come; the second one has.
-    came: [bool; 2],
-    pub(super) misses: u8,
+    /// PDOs of this SYNC's exchange that have come.
+    came: Pdos,
+    misses: u8,
+    /// SYNCs in a row without a whole exchange.
+    incomplete: u8,
     /// What the peer said last.
     peer: Observation,
     /// What the estimator has found may come from a fault of the sensor.
@@ -65,12 +79,18 @@ impl Matching {
     pub(super) const fn new() -> Self {
         Self {
             clock: PeerClock::new(),
-            came: [false; 2],
+            came: Pdos::NONE,
             misses: 0,
+            incomplete: 0,
             peer: Observation::absent(Invalid::Unconfirmed),
             follows_fault: false,
             sending: Sending::new(),
         }
+    }
+
+    /// What the peer has not sent so far is not held against it.
+    pub(super) const fn excuse(&mut self) {
+        (self.misses, self.incomplete) = (0, 0);
     }
 }
 
@@ -102,7 +122,7 @@ impl<P: Part, M: Memory, I: Instrument> Device<P, M, I> {
             [0] => {
                 self.parts.pair.peer_restarted();
                 self.matching.clock = PeerClock::new();
-                self.matching.misses = 0;
+                self.matching.excuse();
             }
             &[state] if state & !TOGGLE != State::Operational as u8 => self.parts.pair.peer_away(),
             _ => {}
@@ -121,24 +141,26 @@ impl<P: Part, M: Memory, I: Instrument> Device<P, M, I> {
         if self.parts.values.state != State::Operational {
             // No PDOs here, so nobody is silent who says nothing.
             self.parts.values.pending.unanswered = None;
-            self.matching.came = [false; 2];
-            self.matching.misses = 0;
+            self.matching.came = Pdos::NONE;
+            self.matching.excuse();
             return;
         }
-        let [first, second] = core::mem::take(&mut self.matching.came);
+        let came = core::mem::take(&mut self.matching.came);
         let Some(before) = self.parts.values.pending.unanswered.take() else {
             return;
         };
         // What this channel has heard since the SYNC before has nothing to be held against.
         self.parts.pair.lost();
-        if first && !second {
-            // The angles have come and what is behind them has not: they are compared alone.
-            return self.answered(&before, false, now);
+        self.matching.incomplete = self.matching.incomplete.saturating_add(1);
+        let too_many = self.matching.incomplete > INCOMPLETE_ALLOWED;
+        if came.have(Pdos::ANGLES) && !too_many {
+            // It is as old as its SYNC, so no safety frame stands on it for longer.
+            return self.answered(&before, came, before.at);
         }
         let process = &mut self.parts.values.process;
         process.missed = process.missed.saturating_add(1);
         self.matching.misses = self.matching.misses.saturating_add(1);
-        if self.matching.misses > MISSES_ALLOWED {
+        if too_many || self.matching.misses > MISSES_ALLOWED {
             let silence = self.parts.pair.silence();
             self.judge_sync(&before.observation, &silence, (before.at, now));
         }
@@ -154,20 +176,26 @@ impl<P: Part, M: Memory, I: Instrument> Device<P, M, I> {
     /// anything to compare it with.
     pub(super) fn pair_up(&mut self, now: Instant) -> bool {
         let pending = &mut self.parts.values.pending;
-        let [first, second] = &mut self.matching.came;
-        *first |= core::mem::take(&mut pending.exchange);
-        *second |= core::mem::take(&mut pending.backing);
-        if !(*first && *second) {
+        let came = core::mem::take(&mut pending.exchange).with(self.matching.came);
+        self.matching.came = came;
+        let turns = |own: &Latched| I::Moment::FITTED && own.observation.turned.is_some();
+        let needed = match &pending.own {
+            Some(own) if turns(own) => WHOLE.with(Pdos::TURN),
+            _ => WHOLE,
+        };
+        let received = &self.parts.values.process.received;
+        if !received.of_one_sync(came).have(needed) {
             return false;
         }
-        self.matching.came = [false; 2];
+        self.matching.came = Pdos::NONE;
+        self.matching.incomplete = 0;
         match pending.own.take() {
-            Some(own) => self.answered(&own, true, now),
+            Some(own) => self.answered(&own, came, now),
             // Without SYNC the peer speaks when it likes; then this channel's reading is of now.
             None if self.parts.values.process.source == SyncSource::None => {
                 let observation = self.parts.channel.observe(&self.parts.settings, now);
                 let at = now;
-                self.answered(&Latched { observation, at }, true, now);
+                self.answered(&Latched { observation, at }, came, now);
             }
             // The peer has heard a SYNC that this node has missed: there is nothing to compare.
             None => self.parts.pair.lost(),
@@ -175,14 +203,15 @@ impl<P: Part, M: Memory, I: Instrument> Device<P, M, I> {
         true
     }
 
-    /// The peer's exchange for the SYNC of `own` has come; `backed` with its second PDO.
-    fn answered(&mut self, own: &Latched, backed: bool, now: Instant) {
+    /// These PDOs of the peer's exchange for the SYNC of `own` have come, and count as of `now`.
+    fn answered(&mut self, own: &Latched, came: Pdos, now: Instant) {
+        let backed = came.have(Pdos::BACKING);
         self.matching.misses = 0;
         self.parts.pair.hear();
         let process = &self.parts.values.process;
         let (received, latency_us) = (process.received, process.latency_us);
         let at = own.at.offset(-i64::from(latency_us));
-        let mut peer = exchange::decode(&received, at, latency_us, backed);
+        let mut peer = exchange::decode(&received, at, latency_us, came);
         if backed {
             let sound = peer.reading.x.is_ok() || peer.reading.y.is_ok();
             match self.matching.clock.hear(received.captured, own.at, sound) {

@@ -16,6 +16,7 @@ use tilt::observation::Observation;
 
 use super::{Device, Memory, REFRESH_US};
 use crate::calibration::encoding::identity;
+use crate::exchange::Pdos;
 use crate::fault::{Fault, Faults};
 use crate::fault_log::Entry;
 use crate::instrument::Instrument;
@@ -56,8 +57,7 @@ impl<P: Part, M: Memory, I: Instrument> Device<P, M, I> {
     /// What a PDO of the peer's exchange ends with: hardly ever anything that hurries.
     pub(super) fn exchanged(&mut self, now: Instant) {
         let pending = &self.parts.values.pending;
-        let may_be_whole = pending.exchange || pending.backing;
-        if may_be_whole && self.pair_up(now) && self.report(now) {
+        if pending.exchange != Pdos::NONE && self.pair_up(now) && self.report(now) {
             self.next = now;
         }
     }

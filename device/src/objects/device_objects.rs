@@ -30,6 +30,7 @@ use super::values::Values;
 use crate::black_box::BlackBox;
 use crate::calibration::motor::{Motor, TableSettings};
 use crate::channel::{Settings, Setup};
+use crate::exchange::Pdos;
 use crate::fault_log::FaultLog;
 use crate::instrument::Instrument;
 use crate::pair::Pair;
@@ -524,9 +525,15 @@ impl<M: Memory, S: Source<I>, I: Instrument> Application for DeviceObjects<'_, M
             // The stack tells a lost node by EMCY; the pair's own measure of the peer is its
             // exchange.
             Event::Heartbeat { .. } | Event::LifeGuarding { .. } => {}
-            Event::Received(0) => pending.exchange = true,
-            Event::Received(1) => pending.backing = true,
-            Event::Received(_) => {}
+            Event::Received(rpdo) => {
+                let pdo = match rpdo {
+                    0 => Pdos::ANGLES,
+                    1 => Pdos::BACKING,
+                    2 if I::Moment::FITTED => Pdos::TURN,
+                    _ => Pdos::NONE,
+                };
+                pending.exchange = pending.exchange.with(pdo);
+            }
             Event::BitRate { kbit_s, delay_ms } => pending.bit_rate = Some((kbit_s, delay_ms)),
             Event::SafetyLost(_) | Event::FailSafe => pending.fail_safe = true,
         }

@@ -213,7 +213,8 @@ pub const MANUFACTURER: &[Row] = &[
         2,
         "Missed exchanges",
         Unsigned16,
-        "SYNCs after which the other channel's exchange did not come; stops at 65535.",
+        "SYNCs after which the other channel's exchange did not come, or not the whole of it for \
+         the fifth time in a row; stops at 65535.",
     )
     .tpdo(),
     member(

@@ -14,7 +14,7 @@ use tilt::observation::Observation;
 
 use super::parameters::Parameters;
 use super::process::Process;
-use crate::exchange;
+use crate::exchange::{self, Pdos};
 use crate::presentation::Presentation;
 use crate::program::Program;
 
@@ -34,10 +34,8 @@ pub struct Pending {
     pub own: Option<Latched>,
     /// The reading of a SYNC for which the peer's has not come in time.
     pub unanswered: Option<Latched>,
-    /// The first PDO of the peer's exchange was received.
-    pub exchange: bool,
-    /// The second one was.
-    pub backing: bool,
+    /// PDOs of the peer's exchange that were received.
+    pub exchange: Pdos,
     /// A SYNC was obeyed.
     pub sync: bool,
     /// A reset of the node is asked for.
@@ -97,8 +95,7 @@ impl Values {
             pending: Pending {
                 own: None,
                 unanswered: None,
-                exchange: false,
-                backing: false,
+                exchange: Pdos::NONE,
                 sync: false,
                 reset: false,
                 restart: false,

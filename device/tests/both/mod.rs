@@ -8,6 +8,7 @@
 
 pub mod nothing;
 pub mod part;
+pub mod rules;
 
 use canopen::Frame;
 use canopen::nmt::State;
@@ -117,7 +118,12 @@ pub struct World {
     policy: Policy,
     /// The exchange of this node gets lost once.
     lose: [bool; 2],
+    /// This PDO of the exchange of a node does not arrive, by its place in [`EXCHANGE`].
+    pub omitted: [Option<usize>; 2],
 }
+
+/// Identifiers of the PDOs of an exchange, for node-id 0.
+pub const EXCHANGE: [u16; 3] = [0x380, 0x480, 0x400];
 
 /// One frame and when it was on the bus; who sent it, `None` for the master.
 #[derive(Clone, Copy, Debug)]
@@ -139,6 +145,7 @@ impl World {
             next_sync: now,
             policy,
             lose: [false; 2],
+            omitted: [None; 2],
         }
     }
 
@@ -320,13 +327,19 @@ impl World {
         Some((number, node.controller.0[place].take()?))
     }
 
+    /// Nobody receives this frame of a node.
+    fn loses(&mut self, number: usize, frame: &Frame) -> bool {
+        let is = |pdo: u16| frame.cob_id() == Some(pdo + number as u16 + 1);
+        let once = is(EXCHANGE[0]) && std::mem::take(&mut self.lose[number]);
+        once || self.omitted[number].is_some_and(|pdo| is(EXCHANGE[pdo]))
+    }
+
     fn deliver(&mut self, by: Option<usize>, frame: Frame, heard: &mut dyn FnMut(&Self, Heard)) {
         let at = self.now;
         if let Some(number) = by {
             self.nodes[number].device.sent(&frame, at);
         }
-        let exchange = matches!(frame.cob_id(), Some(0x381 | 0x382));
-        let lost = by.is_some_and(|number| exchange && std::mem::take(&mut self.lose[number]));
+        let lost = by.is_some_and(|number| self.loses(number, &frame));
         for number in NODES {
             if Some(number) != by && self.nodes[number].is_connected() && !lost {
                 self.nodes[number].device.receive(&frame, at);

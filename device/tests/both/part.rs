@@ -38,6 +38,14 @@ impl Kind {
         }
     }
 
+    /// How many PDOs its exchange has.
+    pub const fn pdos(self) -> usize {
+        match self {
+            Self::Lis2dw12 => 2,
+            Self::Ism330dhcx => 3,
+        }
+    }
+
     /// The calibration that it is delivered with: that of a perfect part.
     pub fn delivered(self) -> Calibration {
         Calibration {

@@ -295,21 +295,44 @@ fn a_temperature_that_jumps_is_no_temperature() {
 }
 
 #[test]
-fn without_the_second_frame_the_angles_are_compared_alone() {
+fn for_four_syncs_without_the_second_frame_the_angles_are_compared_alone() {
     let mut pair = Pair::working();
     let missed = pair.device.values().process.missed;
-    pair.peer.backed = false;
-    pair.seconds(5.0);
-    assert!(
-        pair.told().is_valid() && pair.told().state == 1,
-        "{:?}",
-        pair.told()
-    );
+    for angle in [level(), tilted(1.0)] {
+        pair.peer.says = angle;
+        for _ in 0..6 {
+            pair.peer.backed = false;
+            pair.syncs(4);
+            let told = pair.told();
+            assert!(told.state == 1 && told.is_valid() || told.state == 6);
+            pair.peer.backed = true;
+            pair.sync();
+        }
+    }
     assert_eq!(pair.device.values().process.missed, missed);
-    pair.peer.says = tilted(1.0);
-    pair.seconds(0.5);
     assert_eq!(pair.told().state, 6);
     assert!(!pair.told().is_valid());
+}
+
+/// The accelerations, the energy of both and the age of the data were compared no longer, and
+/// nothing reported it.
+#[test]
+fn a_second_frame_that_never_came_was_not_reported() {
+    let mut pair = Pair::working();
+    pair.peer.backed = false;
+    pair.syncs(5);
+    assert_eq!(pair.state(), 1, "the fifth may be under way");
+    pair.sync();
+    assert_eq!(pair.state(), 8);
+    assert_eq!(pair.read(at(0x2027, 2)), 15);
+    assert!(pair.device.values().process.missed > 0);
+    assert_eq!(pair.safety_frames(), 0);
+    pair.peer.backed = true;
+    pair.seconds(0.9);
+    assert_eq!(pair.told().state, 8);
+    pair.seconds(0.4);
+    assert_eq!(pair.told().state, 1);
+    assert!(pair.device.faults().is_empty());
 }
 
 #[test]
