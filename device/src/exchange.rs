@@ -124,7 +124,7 @@ impl ToldTurn {
             activity: Activity(self.activity),
             bias: None,
             accel: 0,
-            away: 0,
+            scale_share: 0,
         })
     }
 }

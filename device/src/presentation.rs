@@ -274,7 +274,7 @@ mod tests {
                 activity: Activity(0),
                 bias: None,
                 accel: 134_218,
-                away: 0,
+                scale_share: 0,
             }),
             ..vague
         };

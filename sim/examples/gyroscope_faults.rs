@@ -47,6 +47,14 @@ const SCENES: [(ExcavatorSetup, &str); 4] = [
     (scene(Scene::Standstill), "standstill"),
 ];
 
+/// Where faults begin: the scene, its name, and the temperature, degC.
+fn places() -> Vec<(ExcavatorSetup, String, f64)> {
+    let mild = SCENES.map(|(machine, called)| (machine, called.to_owned(), 25.0));
+    let [(digging, called), ..] = SCENES;
+    let hot = (digging, format!("{called}, 70 degC"), 70.0);
+    mild.into_iter().chain([hot]).collect()
+}
+
 fn bias(dps: f64) -> Vec<SensorFault> {
     let axes = (0..3).flat_map(|axis| [(axis, dps), (axis, -dps)]);
     axes.map(|(axis, dps)| SensorFault::Gyroscope(RateFault::Bias { axis, dps }))
@@ -100,7 +108,12 @@ struct Run {
 }
 
 impl Run {
-    fn of(machine: &ExcavatorSetup, fault: SensorFault, seed: u64, pool: &Pool) -> Self {
+    fn of(
+        (machine, start_c): (&ExcavatorSetup, f64),
+        fault: SensorFault,
+        seed: u64,
+        pool: &Pool,
+    ) -> Self {
         let mut rng = Rng::stream(seed, "gyroscope fault");
         let from_s = rng.range(20.0, 30.0);
         let setup = Setup {
@@ -110,6 +123,7 @@ impl Run {
                 from_s,
                 until_s: from_s + WATCHED_S,
             }],
+            start_c,
             ..setup(machine, seed)
         };
         let report = trial::run(&setup, pool, |_| {}).expect("a unit of the pool");
@@ -211,8 +225,9 @@ simulated and printed by
 `cargo run --release -p sim --example gyroscope_faults -- {runs} {hours}`; the first number is that
 of the runs of each line, the second one the hours without a fault.
 Calibrated units, 250 kbit/s, 50 SYNCs a second, the sensor 1 m from the boom's pivot; a cab that
-slews does so by 60 to 120 deg. The fault begins after 20 to 30 s, at 25 degC, and stays for 40 s;
-axis, sign, channel, unit and moment are drawn. Only what is reported on the bus counts.
+slews does so by 60 to 120 deg. The fault begins after 20 to 30 s, at 25 degC unless another
+temperature is stated, and stays for 40 s; axis, sign, channel, unit and moment are drawn. Only what
+is reported on the bus counts.
 
 *Reported* is the first word of either channel: from then on neither angle is valid unless a channel
 is named. *Right* are the runs in which the faulty channel was named and the healthy one was not;
@@ -247,19 +262,19 @@ fn main() {
     let pool = Pool::of(&units).expect("sound units");
     println!("{}", head(runs, hours));
     for (name, faults) in lines() {
-        for (machine, called) in SCENES {
+        for (machine, called, start_c) in places() {
             if runs == 0 || !format!("{name}, {called}").contains(&wanted) {
                 continue;
             }
             let found = spread(runs, |seed| {
                 let fault = faults[(seed / 2) % faults.len()];
-                Run::of(&machine, fault, seed as u64, &pool)
+                Run::of((&machine, start_c), fault, seed as u64, &pool)
             });
             for (seed, _) in found.iter().enumerate().filter(|(_, run)| run.wrong) {
                 eprintln!("{name}, {called}: seed {seed} names the healthy channel");
             }
             let mut row = Row::of(&found);
-            row.print(name, called);
+            row.print(name, &called);
             if row.early > 0 {
                 eprintln!(
                     "{name}, {called}: {} violations before the fault",

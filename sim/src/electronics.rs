@@ -19,6 +19,7 @@ use embedded_hal::delay::DelayNs;
 use instant::Instant;
 
 use crate::TICK_S;
+use crate::error_model::gyroscope::Gyroscope;
 use crate::error_model::{ErrorModel, Part};
 use crate::fault::{Injected, SensorFault};
 use crate::lis2dw12::Chip;
@@ -322,6 +323,11 @@ impl Electronics {
     /// The part at the wires, for code that drives them itself.
     pub fn slave(&self) -> Rc<RefCell<dyn Slave>> {
         self.sensor.fitted.slave()
+    }
+
+    /// The gyroscope's errors, for looking at; `None` where the part has none.
+    pub fn gyroscope(&self) -> Option<&Gyroscope> {
+        self.sensor.fitted.gyroscope()
     }
 
     /// The accelerometer LIS2DW12, for looking at; `None` where there is another part.

@@ -273,7 +273,7 @@ impl FusionState {
         Some(Turned {
             bias,
             accel,
-            away: self.rates.away(),
+            scale_share: self.rates.scale_share(),
             ..turned
         })
     }

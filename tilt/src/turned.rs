@@ -30,9 +30,9 @@ pub struct Turned {
     /// Standard uncertainty of the channel's acceleration itself, which its angle's is not where
     /// the machine moves, 2^-26 g; 0 for the other channel, which does not tell it.
     pub accel: u32,
-    /// How far the part's temperature is from 25 degC, where the scale of its rates is known best,
-    /// 2^-8 degC; 0 for the other channel, which does not tell it.
-    pub away: u16,
+    /// What the part's temperature adds to the standard uncertainty of the scale of two channels
+    /// with a calibration like its own, 2^-16; 0 for the other channel, which does not tell it.
+    pub scale_share: u16,
 }
 
 /// Of a circle (2^-32) in 2^-24 rad/s times 1 us, 2^-32 per step: 2^8 / (2 pi) 1e-6 2^32.
@@ -124,7 +124,7 @@ impl TurnedState {
             activity,
             bias: None,
             accel: 0,
-            away: 0,
+            scale_share: 0,
         })
     }
 

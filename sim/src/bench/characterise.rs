@@ -9,6 +9,10 @@
 //! so nearly all of its points lie on one branch of the thermal hysteresis; the product's run goes
 //! down the stairs again, and the fit comes out between the branches.
 //!
+//! Where there are gyroscopes the motor turns the housing at both ends of the stairs as well, for
+//! their scale over temperature. These turns are kept until the accelerometers are calibrated
+//! (`gyroscope`).
+//!
 //! Afterwards the part is conditioned: it passes 25 degC by 10 degC and comes back, which leaves
 //! the hysteresis in the middle of its loop whichever branch the run ended on.
 
@@ -29,6 +33,15 @@ const MEAN_S: f64 = 1.0;
 
 /// Steps of the profile before the nine stairs from -10 to 70 degC.
 const BEFORE_STAIRS: usize = 3;
+
+/// Ends of the stairs, degC, where gyroscopes are turned, in one run. A slope shows best between
+/// them, and both branches of the accelerometer's hysteresis meet there.
+const ENDS_C: [f64; 2] = [-10.0, 70.0];
+
+/// Where the motor rests in each mount then, deg: turns of 90 and 180 deg.
+const STATIONS_DEG: [f64; 4] = [-90.0, 0.0, 90.0, -90.0];
+
+const STEP: &str = "climatic chamber";
 
 /// A mean of what a node's filter puts out.
 #[derive(Clone, Copy, Debug, Default)]
@@ -142,13 +155,13 @@ impl Bench {
     /// Errors: a fit that is refused, or a silent node.
     pub fn characterise(&mut self) -> Result<(), BenchError> {
         let mut gathered = Gathered::default();
-        for _ in 0..2 {
-            self.run_profile(Profile::paper(), &mut gathered)?;
+        for turned in [false, true] {
+            self.run_profile(Profile::paper(), turned, &mut gathered)?;
         }
         if self.mode == Mode::Paper {
             self.bring_to(15.0);
         } else {
-            self.run_profile(Profile::down_the_stairs(), &mut gathered)?;
+            self.run_profile(Profile::down_the_stairs(), false, &mut gathered)?;
             self.bring_to(35.0);
         }
         self.bring_to(25.0);
@@ -156,14 +169,24 @@ impl Bench {
         self.fit_temperature(&gathered)
     }
 
-    /// Runs one profile and measures at the end of each of its dwells.
-    fn run_profile(&mut self, profile: Profile, into: &mut Gathered) -> Result<(), BenchError> {
+    /// Runs one profile and measures at the end of each of its dwells; turns gyroscopes at the
+    /// ends of the stairs where they are to be `turned`.
+    fn run_profile(
+        &mut self,
+        profile: Profile,
+        turned: bool,
+        into: &mut Gathered,
+    ) -> Result<(), BenchError> {
         let mut program = Program::new(profile);
-        while let Some((index, ..)) = program.now() {
+        while let Some((index, dwell, _)) = program.now() {
             let passed_s = program.step(&mut self.chamber, 10.0);
             self.pass(passed_s);
             if program.now().map(|(index, ..)| index) != Some(index) {
                 self.measure(index, into)?;
+                let at_end = index >= BEFORE_STAIRS && ENDS_C.contains(&dwell.set_point_c);
+                if turned && at_end {
+                    self.turn_gyroscopes()?;
+                }
             }
         }
         Ok(())
@@ -185,7 +208,6 @@ impl Bench {
     }
 
     fn measure(&mut self, index: usize, gathered: &mut Gathered) -> Result<(), BenchError> {
-        const STEP: &str = "climatic chamber";
         if self.mode == Mode::Paper {
             let level = &mut Fixture::level();
             let means = mean_of_both(&mut self.instrument, level, 1.0, MEAN_S, STEP)?;
@@ -222,6 +244,18 @@ impl Bench {
                     fit.add(*sum, mean.temperature);
                 }
             }
+        }
+        Ok(())
+    }
+
+    /// Turns of this dwell for the scale of the gyroscopes, where there are gyroscopes.
+    fn turn_gyroscopes(&mut self) -> Result<(), BenchError> {
+        if self.mode != Mode::Dynamic {
+            return Ok(());
+        }
+        let turns = self.turn_in_all_mounts(&STATIONS_DEG, STEP)?;
+        for (all, turns) in self.warm_turns.iter_mut().zip(turns) {
+            all.extend(turns);
         }
         Ok(())
     }

@@ -20,6 +20,7 @@ pub mod scene;
 pub mod static_test;
 pub mod statistics;
 pub mod thermal_test;
+pub mod turns;
 pub mod unit;
 pub mod week;
 
@@ -41,6 +42,7 @@ use crate::rig::{Rig, RigSetup};
 use crate::rng::Rng;
 use gyroscope::GyroscopeReport;
 use interpretation::Interpretation;
+use turns::Turned;
 
 /// Which instrument is built.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -165,6 +167,8 @@ pub struct Bench {
     pub paper: Interpretation,
     /// Bias of both gyroscopes over temperature, once the chamber has shown it.
     biases: Option<[FittedBias; 2]>,
+    /// Turns where the chamber was coldest and hottest, of both nodes with a gyroscope.
+    warm_turns: [Vec<Turned>; 2],
     /// How the calibration of both gyroscopes went, once it was made.
     pub gyroscopes: Option<[GyroscopeReport; 2]>,
     /// For the choice of test angles.
@@ -226,6 +230,7 @@ impl Bench {
             chamber: Chamber::at(25.0),
             paper: world.paper,
             biases: None,
+            warm_turns: Default::default(),
             gyroscopes: None,
             rng,
         }

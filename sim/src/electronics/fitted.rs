@@ -205,6 +205,13 @@ impl Fitted {
         }
     }
 
+    pub fn gyroscope(&self) -> Option<&Gyroscope> {
+        match self {
+            Self::Lis2dw12(_) => None,
+            Self::Ism330dhcx(_, turning) => Some(&turning.gyroscope),
+        }
+    }
+
     /// One tick of the gyroscope's analogue side, with its output before and after.
     #[inline]
     pub fn turn(&mut self, rate_dps: [f64; 3]) -> Option<[Moment; 2]> {

@@ -26,7 +26,7 @@ mod tests;
 pub mod turn;
 
 pub use bias::{BiasFit, EARTH_RATE, FEWEST_RESTS, FEWEST_TEMPERATURES, FittedBias, LEAST_RANGE};
-pub use scale::{FEWEST_SCALE_TURNS, FittedScale, SLOPE_PRIOR, ScaleFit};
+pub use scale::{FEWEST_SCALE_TURNS, FittedScale, SLOPE_PRIOR, ScaleFit, with_slopes};
 pub use turn::{Rotation, Turn, TurnSum};
 
 use super::FitError;
@@ -220,7 +220,7 @@ fn plausible(gains: &[[f64; 3]; 3]) -> bool {
             .all(|v| v.abs() <= LARGEST_ALIGNMENT)
 }
 
-/// What the chip applies; the slope of the scale ([`ScaleFit`]) is left at 0.
+/// What the chip applies; the slope of the scale ([`ScaleFit`], [`with_slopes`]) is left at 0.
 ///
 /// Errors: [`FitError::Implausible`] when a number does not fit the format.
 pub fn correction(bias: &FittedBias, gains: &FittedGains) -> Result<RateCorrection, FitError> {

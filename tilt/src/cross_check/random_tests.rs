@@ -112,12 +112,12 @@ fn any_axis() -> impl Strategy<Value = Result<Measurement, Invalid>> {
 fn any_turned() -> impl Strategy<Value = Turned> {
     let bias = prop::option::of(any::<[i32; 3]>());
     let told = (any::<[i16; 3]>(), any::<u8>(), bias, any::<(u32, u16)>());
-    told.prop_map(|(angle, activity, bias, (accel, away))| Turned {
+    told.prop_map(|(angle, activity, bias, (accel, scale_share))| Turned {
         angle,
         activity: Activity(activity),
         bias,
         accel,
-        away,
+        scale_share,
     })
 }
 

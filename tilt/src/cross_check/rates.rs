@@ -32,10 +32,9 @@ pub struct RateCheck {
     pub shaken: u32,
     /// Difference of the rates.
     pub residual: Residual,
-    /// Combined standard uncertainty of two rates at 25 degC, as a share of them, 2^-16.
+    /// Combined standard uncertainty of two rates at 25 degC, as a share of them, 2^-16; away from
+    /// there [`Turned::scale_share`] comes on top.
     pub share: u32,
-    /// What a degree away from that adds, as the scale over temperature is not calibrated, 2^-16.
-    pub share_per_c: u32,
     /// Whose gravity leaves its place.
     pub gravity: Gravity,
 }
@@ -92,8 +91,6 @@ impl RateCheck {
         },
         // 0.3 %.
         share: 192,
-        // 0.0071 %: 0.005 % of either part [ASSUME], as independent.
-        share_per_c: 5,
         gravity: Gravity::PRODUCT,
     };
 }
@@ -179,7 +176,7 @@ impl RateCheck {
             return found;
         };
         let [rate, difference] = turned.map(|angle| per_second(&angle, elapsed_us));
-        let uncertainty = self.uncertainty(&mut state.fastest, &rate, a.away, elapsed_us);
+        let uncertainty = self.uncertainty(&mut state.fastest, &rate, a.scale_share, elapsed_us);
         let residual = &mut state.residual;
         found.differ = (self.residual).take(residual, difference, uncertainty, shaken, elapsed_us);
         // What the estimator finds during a dispute may come from the fault, or from no more than
@@ -207,14 +204,20 @@ impl RateCheck {
 
     /// The pair's combined standard uncertainty, 2^-26 rad/s: a share of the `fastest` turn that
     /// the low-passes still keep, which need not be the turn of now.
-    fn uncertainty(&self, fastest: &mut u32, rate: &[i64; 3], away: u16, elapsed_us: u32) -> u32 {
+    fn uncertainty(
+        &self,
+        fastest: &mut u32,
+        rate: &[i64; 3],
+        scale_share: u16,
+        elapsed_us: u32,
+    ) -> u32 {
         let axes = rate.iter();
         let most = axes.fold(0, |most, axis| axis.unsigned_abs().max(most));
         let now = u32::try_from(most).unwrap_or(u32::MAX);
         let slower = fastest.saturating_sub(now);
         let share = share_q22(elapsed_us, self.residual.whole_us);
         *fastest = now + slower - ((u64::from(slower) * u64::from(share)) >> 22) as u32;
-        let share = self.share + ((self.share_per_c * u32::from(away)) >> 8);
+        let share = self.share + u32::from(scale_share);
         ((u64::from(*fastest) * u64::from(share)) >> 16) as u32
     }
 }

@@ -13,7 +13,7 @@ fn following(channel: Observation) -> Observation {
             activity: Activity::OWN,
             bias: None,
             accel: 0,
-            away: 0,
+            scale_share: 0,
         }),
         ..channel
     }

@@ -8,6 +8,7 @@
 
 use tilt::ONE_G;
 use tilt::calibration::FitError;
+use tilt::calibration::gyroscope::with_slopes;
 use tilt::chain::Calibration;
 use tilt::sample::Temperature;
 use tilt::temperature::{KNOTS, Piecewise, Quadratic, TemperatureModel};
@@ -17,7 +18,7 @@ use super::bias::{Found, NoBias, bias};
 use super::measured::{Dwelt, Measured};
 use super::model::Model;
 use super::profile::Branch;
-use super::scale::{self, scale, with_slopes};
+use super::scale::{self, scale};
 use super::stands::READINGS;
 use super::thermal::{Fitted, MeanReading, between_runs, fit, hysteresis, rms, with_model};
 use crate::CalibrateError;
@@ -85,8 +86,8 @@ pub fn make(measured: &Measured, nodes: &[Node]) -> Result<Vec<Made>, CalibrateE
         if let Some(Ok(found)) = &bias {
             calibration.rates = Some(found.rates);
         }
-        let scale = put_scale(&mut calibration, before, measured, place);
-        Ok(Made {
+        let scale = scale_of(&calibration, before, measured, place);
+        Ok::<_, CalibrateError>(Made {
             calibration,
             fitted,
             mean_readings,
@@ -95,13 +96,16 @@ pub fn make(measured: &Measured, nodes: &[Node]) -> Result<Vec<Made>, CalibrateE
             scale,
         })
     };
-    nodes.iter().enumerate().map(made).collect()
+    let made = nodes.iter().enumerate().map(made);
+    let mut made = made.collect::<Result<Vec<_>, _>>()?;
+    put_scales(&mut made, nodes);
+    Ok(made)
 }
 
-/// Puts the slopes of the gyroscope's scale into a calibration that has the model of this run, and
-/// tells what has come of the turns.
-fn put_scale(
-    calibration: &mut Calibration,
+/// What has come of the turns for the scale of the gyroscope, by a calibration that has the model
+/// of this run.
+fn scale_of(
+    calibration: &Calibration,
     before: &Calibration,
     measured: &Measured,
     place: usize,
@@ -109,15 +113,29 @@ fn put_scale(
     let left_mg = f64::from(calibration.budget.hysteresis) / f64::from(ONE_G) * 1000.0;
     let vertical_deg = angle_deg(left_mg).hypot(VERTICAL_DEG);
     let rates = before.rates.as_ref();
-    let mut outcome = scale(measured, place, calibration, rates, vertical_deg)?;
-    if let (Ok(found), Some(rates)) = (&outcome.found, calibration.rates) {
-        // The gains were found where the accelerometer's correction was.
-        match with_slopes(&rates, found.slopes, before.budget.fitted_at) {
-            Some(rates) => calibration.rates = Some(rates),
-            None => outcome.found = Err(scale::NoScale::Fit(FitError::Implausible)),
+    scale(measured, place, calibration, rates, vertical_deg)
+}
+
+/// Puts the slopes of the gyroscopes' scale into the calibrations: those of axes that both show.
+fn put_scales(made: &mut [Made], nodes: &[Node]) {
+    let outcomes = made.iter().filter_map(|made| made.scale.as_ref());
+    let open = outcomes.fold([false; 3], |open, outcome| {
+        let here = outcome.open();
+        [0, 1, 2].map(|axis| open[axis] || here[axis])
+    });
+    for (made, node) in made.iter_mut().zip(nodes) {
+        let (Some(outcome), Some(rates)) = (&mut made.scale, made.calibration.rates) else {
+            continue;
+        };
+        outcome.keep(open, rates.real().scale1);
+        if let Ok(found) = &outcome.found {
+            // The gains were found where the accelerometer's correction was.
+            match with_slopes(&rates, found.slopes, node.calibration.budget.fitted_at) {
+                Some(rates) => made.calibration.rates = Some(rates),
+                None => outcome.found = Err(scale::NoScale::Fit(FitError::Implausible)),
+            }
         }
     }
-    Some(outcome)
 }
 
 /// The middle of the temperatures at which a calibration was made.

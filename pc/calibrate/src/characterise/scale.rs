@@ -7,18 +7,19 @@
 //! is that of the rests around it.
 //!
 //! The fit has the gains as well and does not give them back: those of the node stay as they are
-//! at the temperature at which they were found ([`with_slopes`]).
+//! at the temperature at which they were found (`tilt::calibration::gyroscope::with_slopes`).
 //!
 //! A node whose gyroscope was never calibrated gets no slopes, as it gets no bias (`bias`). An axis
-//! about which the housing was hardly turned keeps its slope.
+//! about which the housing was hardly turned keeps its slope, and it does so in both channels
+//! ([`Outcome::keep`]): a channel with slopes expects the other one to have them when it compares
+//! the two rates.
 //!
 //! Left out: following (`turns`), and a scale that bends with temperature.
 
 use tilt::calibration::FitError;
 use tilt::calibration::gyroscope::{FEWEST_SCALE_TURNS, FittedScale, ScaleFit};
 use tilt::chain::Calibration;
-use tilt::rate::{RateCorrection, RealRateCorrection};
-use tilt::sample::Temperature;
+use tilt::rate::RateCorrection;
 
 use super::measured::Measured;
 use super::turns::Followed;
@@ -44,6 +45,9 @@ pub enum NoScale {
     /// No axis was turned enough: the least uncertainty of a slope, 1 per degC.
     #[error("its turns show no axis: a slope is known to {:.4} %/degC at best (k = 1)", 100.0 * .0)]
     Open(f64),
+    /// Each axis that it shows is one that the other gyroscope does not show.
+    #[error("no axis is shown by both gyroscopes, and they are compared with each other")]
+    Alone,
 }
 
 fn most(reason: &Option<String>) -> String {
@@ -58,7 +62,7 @@ pub struct Found {
     pub slopes: [f64; 3],
     /// Standard uncertainty (k = 1) of each as the turns show it, 1 per degC.
     pub uncertainty: [f64; 3],
-    /// Axes that the turns do not show.
+    /// Axes that the turns do not show, of this gyroscope or of the other one.
     pub open: [bool; 3],
     /// Root mean square of what the fit leaves in one direction of a turn's end, deg.
     pub residual_deg: f64,
@@ -134,6 +138,25 @@ impl Outcome {
         }
     }
 
+    /// Axes that the turns do not show.
+    pub fn open(&self) -> [bool; 3] {
+        self.found.as_ref().map_or([true; 3], |found| found.open)
+    }
+
+    /// Keeps the slopes of `before`, 1 per degC, on these axes as well.
+    pub fn keep(&mut self, open: [bool; 3], before: [f64; 3]) {
+        let Ok(found) = &mut self.found else {
+            return;
+        };
+        for (axis, _) in open.iter().enumerate().filter(|(_, open)| **open) {
+            found.open[axis] = true;
+            found.slopes[axis] = before[axis];
+        }
+        if found.open == [true; 3] {
+            self.found = Err(NoScale::Alone);
+        }
+    }
+
     fn found(&self, fit: &ScaleFit, before: [f64; 3]) -> Result<Found, NoScale> {
         let fitted = fit.solve().map_err(|error| match error {
             FitError::TooFew { .. } => {
@@ -163,26 +186,6 @@ impl Outcome {
             residual_deg: residual_rms_deg,
         })
     }
-}
-
-/// A correction with these slopes of the scale, 1 per degC. At the temperature `at`, at which its
-/// gains were found, it gives the rates that it gave before. `None` when it does not fit the
-/// chip's numbers.
-pub fn with_slopes(
-    rates: &RateCorrection,
-    slopes: [f64; 3],
-    at: Temperature,
-) -> Option<RateCorrection> {
-    let before = rates.real();
-    let d = (f64::from(at.0) - f64::from(Temperature::REFERENCE.0)) / 256.0;
-    let share = [0, 1, 2].map(|axis| (1.0 + before.scale1[axis] * d) / (1.0 + slopes[axis] * d));
-    RateCorrection::from_real(&RealRateCorrection {
-        matrix: before
-            .matrix
-            .map(|row| [0, 1, 2].map(|axis| row[axis] * share[axis])),
-        scale1: slopes,
-        ..before
-    })
 }
 
 #[cfg(test)]

@@ -3,6 +3,7 @@
 
 use device::objects::table::Channel as Side;
 use tilt::calibration::least_squares::{invert, times};
+use tilt::rate::RealRateCorrection;
 
 use super::super::measured::{Begun, Dwelt, Felt};
 use super::super::model::Model;
@@ -327,26 +328,39 @@ fn a_run_that_goes_on_from_its_file_comes_to_the_same_slopes() {
 }
 
 #[test]
-fn new_slopes_leave_the_rates_where_the_gains_were_found() {
-    let mut real = RateCorrection::IDENTITY.real();
-    real.matrix[0][1] = 0.01;
-    real.scale1 = [1e-4, 0.0, -5e-5];
-    let before = RateCorrection::from_real(&real).unwrap();
-    let slopes = [5e-5, 8e-5, -5e-5];
-    let at = temperature(40.0);
-    let after = with_slopes(&before, slopes, at).unwrap();
-    for (found, slope) in after.real().scale1.iter().zip(slopes) {
-        assert!((found - slope).abs() < 1e-11);
+fn an_axis_that_one_gyroscope_does_not_show_keeps_its_slope_in_both() {
+    let (_, mut nodes, whole) = characterised(1, 25.0);
+    // Each node has a slope of z of its own.
+    for (node, z) in nodes.iter_mut().zip([2e-5, -3e-5]) {
+        let mut real = node.calibration.rates.unwrap().real();
+        real.scale1 = [0.0, 0.0, z];
+        node.calibration.rates = RateCorrection::from_real(&real);
     }
-    let rate = tilt::motion::Rate {
-        rate: [1 << 24, -(1 << 25), 3 << 24],
+    let slopes = |measured: &Measured| {
+        let made = report::make(measured, &nodes).unwrap();
+        let slopes = |made: &report::Made| made.calibration.rates.unwrap().real().scale1;
+        let found = made.iter().map(|made| made.scale_found().is_some());
+        let found: Vec<bool> = found.collect();
+        (made.iter().map(slopes).collect::<Vec<_>>(), found)
     };
-    let [old, new] = [before, after].map(|rates| rates.at(at).apply(rate).rate);
-    for (old, new) in old.iter().zip(new) {
-        // A few steps of 2^-30 in the entries of the matrix.
-        assert!(old.abs_diff(new) < 4, "{old} {new}");
+    let before = nodes.iter().map(|node| node.calibration.rates.unwrap());
+    let before: Vec<_> = before.map(|rates| rates.real().scale1).collect();
+    // The other channel shows z.
+    let mut flat = whole.clone();
+    let level = [1, 2, 7, 8];
+    change(&mut flat, |number, turn| {
+        if !level.contains(&(number + 1)) {
+            *turn = not_followed();
+        }
+    });
+    let (after, found) = slopes(&flat);
+    assert_eq!(found, [true; 2]);
+    for (after, before) in after.iter().zip(&before) {
+        assert!(after[0] != 0.0 && after[1] != 0.0, "{after:?}");
+        assert_eq!(after[2], before[2]);
     }
-    let hot = [before, after].map(|rates| rates.at(temperature(70.0)).apply(rate).rate);
-    assert!(hot[0][1].abs_diff(hot[1][1]) > 50_000, "{hot:?}");
-    assert_eq!(with_slopes(&before, [f64::NAN; 3], at), None);
+    // The other channel shows all.
+    let mut none = whole.clone();
+    change(&mut none, |_, turn| *turn = not_followed());
+    assert_eq!(slopes(&none), (before, vec![false; 2]));
 }

@@ -160,6 +160,11 @@ impl Gyroscope {
         self.sags = active;
     }
 
+    /// What turns the housing's rate into the sensed one at the present temperature, by rows.
+    pub fn matrix(&self) -> [[f64; 3]; 3] {
+        self.matrix
+    }
+
     /// True temperature of the die, degC.
     pub fn die_c(&self) -> f64 {
         self.die_c

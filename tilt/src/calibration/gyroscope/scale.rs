@@ -21,6 +21,7 @@ use super::super::FitError;
 use super::equations::Equations;
 use super::turn::Turn;
 use super::{Accuracy, known_gains, plausible, plus_identity};
+use crate::rate::{RateCorrection, RealRateCorrection};
 use crate::sample::Temperature;
 
 /// Standard deviation of the slope of a part's scale, 1 per degC: 0.01 %/degC. Data sheets of MEMS
@@ -140,4 +141,24 @@ impl ScaleFit {
         let [x, y, z] = self.slopes.map(|slope| (slope, SLOPE_PRIOR));
         [a, b, c, d, e, f, g, h, i, x, y, z]
     }
+}
+
+/// A correction with these slopes of the scale, 1 per degC. At the temperature `at`, at which its
+/// gains were found, it gives the rates that it gave before. `None` when it does not fit the
+/// chip's numbers.
+pub fn with_slopes(
+    rates: &RateCorrection,
+    slopes: [f64; 3],
+    at: Temperature,
+) -> Option<RateCorrection> {
+    let before = rates.real();
+    let d = (f64::from(at.0) - f64::from(Temperature::REFERENCE.0)) / 256.0;
+    let share = [0, 1, 2].map(|axis| (1.0 + before.scale1[axis] * d) / (1.0 + slopes[axis] * d));
+    RateCorrection::from_real(&RealRateCorrection {
+        matrix: before
+            .matrix
+            .map(|row| [0, 1, 2].map(|axis| row[axis] * share[axis])),
+        scale1: slopes,
+        ..before
+    })
 }

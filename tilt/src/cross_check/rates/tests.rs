@@ -5,6 +5,8 @@ use crate::ONE_G;
 use crate::chain::Invalid;
 use crate::health::Activity;
 use crate::motion::Rate;
+use crate::rate::RateCorrection;
+use crate::sample::Temperature;
 use crate::turned::{TurnedState, per_period_q32};
 
 /// A pair is judged every 20 ms, a gyroscope sampled every 2.5 ms.
@@ -17,8 +19,8 @@ struct Housing {
     state: RateState,
     turned: [TurnedState; 2],
     pitch: f64,
-    /// From 25 degC, degC.
-    away_c: u16,
+    /// See [`Turned::scale_share`].
+    scale_share: u16,
 }
 
 impl Housing {
@@ -28,7 +30,7 @@ impl Housing {
             state: RateState::default(),
             turned: Default::default(),
             pitch: 0.0,
-            away_c: 0,
+            scale_share: 0,
         }
     }
 
@@ -50,7 +52,7 @@ impl Housing {
             let turned = self.turned[node].take(0, 0).map(|turned| Turned {
                 bias: Some([0; 3]),
                 activity: Activity::OWN,
-                away: self.away_c << 8,
+                scale_share: self.scale_share,
                 ..turned
             });
             Observation {
@@ -222,7 +224,7 @@ fn turns_and_accelerations_at_their_ends_overflow_nothing() {
                 bias: Some([i32::MIN, i32::MAX, 0]),
                 activity: Activity::OWN,
                 accel: u32::MAX,
-                away: u16::MAX,
+                scale_share: u16::MAX,
             };
             let end = [i32::MIN, i32::MAX][(pair >> 6) as usize & 1];
             Observation {
@@ -242,9 +244,9 @@ fn turns_and_accelerations_at_their_ends_overflow_nothing() {
 
 /// Whether two gyroscopes differ whose scales are so far apart, %, while the housing spins up to
 /// 80 deg/s within 0.2 s, spins on for 2 s, and is down at 20 deg/s within 0.2 s, to and fro.
-fn differ_in_spins(percent: f64, away_c: u16) -> bool {
+fn differ_in_spins(percent: f64, scale_share: u16) -> bool {
     let mut housing = Housing::new();
-    housing.away_c = away_c;
+    housing.scale_share = scale_share;
     housing.swings(1500);
     (0..3000).any(|pair| {
         let dps = match pair % 300 {
@@ -265,12 +267,36 @@ fn what_was_left_of_a_fast_turn_was_held_against_a_slow_one() {
     assert!(differ_in_spins(1.0, 0));
 }
 
+/// What a calibration with these slopes of the scale (1 per degC) lets two channels differ by, so
+/// far from 25 degC.
+fn scale_share(slopes: [f64; 3], away_c: i32) -> u16 {
+    let mut real = RateCorrection::IDENTITY.real();
+    real.scale1 = slopes;
+    let correction = RateCorrection::from_real(&real).unwrap();
+    let at = Temperature((25 + away_c) << 8);
+    correction.at(at).scale_share()
+}
+
 #[test]
 fn a_scale_over_temperature_that_nobody_calibrated_was_a_fault() {
-    // Each is more than four standard deviations of two parts so far from 25 degC.
-    for away_c in [10, 20, 35, 45] {
-        let percent = 0.65 + 0.018 * f64::from(away_c);
-        assert!(!differ_in_spins(percent, away_c), "{away_c}");
-        assert!(differ_in_spins(percent + 0.5, away_c), "{away_c}");
+    // Each is more than four standard deviations of two parts so far from 25 degC. One axis
+    // without a slope is enough.
+    for slopes in [[0.0; 3], [5e-5, -5e-5, 0.0]] {
+        for away_c in [-35_i32, 10, 20, 35, 45] {
+            let percent = 0.65 + 0.018 * f64::from(away_c.abs());
+            let share = scale_share(slopes, away_c);
+            assert!(!differ_in_spins(percent, share), "{away_c}");
+            assert!(differ_in_spins(percent + 0.5, share), "{away_c}");
+        }
+    }
+}
+
+#[test]
+fn a_scale_over_temperature_that_is_calibrated_leaves_little_room() {
+    for away_c in [-35_i32, 10, 20, 35, 45] {
+        let percent = 0.65 + 0.0035 * f64::from(away_c.abs());
+        let share = scale_share([5e-5, -5e-5, 1e-6], away_c);
+        assert!(!differ_in_spins(percent, share), "{away_c}");
+        assert!(differ_in_spins(percent + 0.35, share), "{away_c}");
     }
 }

@@ -1,6 +1,8 @@
 //! The scale over temperature, by turns of a motor in a chamber, of sensors drawn from a seed.
 
 use super::*;
+use crate::calibration::gyroscope::with_slopes;
+use crate::rate::RateCorrection;
 
 /// Up the stairs and down again, degC.
 const STAIRS: [f64; 9] = [-10.0, 10.0, 30.0, 50.0, 70.0, 50.0, 30.0, 10.0, -10.0];
@@ -224,4 +226,29 @@ fn too_few_turns_steep_slopes_and_what_is_no_number_are_refused() {
     }
     let refused = none.solve();
     assert!(matches!(refused, Err(FitError::IllConditioned { .. })));
+}
+
+#[test]
+fn new_slopes_leave_the_rates_where_the_gains_were_found() {
+    let mut real = RateCorrection::IDENTITY.real();
+    real.matrix[0][1] = 0.01;
+    real.scale1 = [1e-4, 0.0, -5e-5];
+    let before = RateCorrection::from_real(&real).unwrap();
+    let slopes = [5e-5, 8e-5, -5e-5];
+    let at = Temperature::from_celsius(40);
+    let after = with_slopes(&before, slopes, at).unwrap();
+    for (found, slope) in after.real().scale1.iter().zip(slopes) {
+        assert!((found - slope).abs() < 1e-11);
+    }
+    let rate = crate::motion::Rate {
+        rate: [1 << 24, -(1 << 25), 3 << 24],
+    };
+    let [old, new] = [before, after].map(|rates| rates.at(at).apply(rate).rate);
+    for (old, new) in old.iter().zip(new) {
+        // A few steps of 2^-30 in the entries of the matrix.
+        assert!(old.abs_diff(new) < 4, "{old} {new}");
+    }
+    let hot = [before, after].map(|rates| rates.at(Temperature::from_celsius(70)).apply(rate).rate);
+    assert!(hot[0][1].abs_diff(hot[1][1]) > 50_000, "{hot:?}");
+    assert_eq!(with_slopes(&before, [f64::NAN; 3], at), None);
 }
