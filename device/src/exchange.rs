@@ -529,7 +529,7 @@ mod tests {
             activity: Activity(9),
             bias: None,
             accel: 0,
-            away: 0,
+            scale_share: 0,
         };
         let observation = Observation {
             turned: Some(turned),
