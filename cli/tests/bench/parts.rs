@@ -5,6 +5,7 @@
 //!
 //! Left out: bias and noise, which both ways of a turn and its length take out.
 
+use calibrate::session::{decode, encode};
 use sim::bench::{Mode, World};
 use sim::instrument::Instrument;
 use sim::motion::Motion;
@@ -97,7 +98,7 @@ pub fn scale_errors(kept: &str, responses: &[Response; 2]) -> [[f64; 3]; 2] {
     [0, 1].map(|node| {
         let hex = kept["nodes"][node]["calibration_hex"].as_str().unwrap();
         let bytes = output::hex::bytes(hex).unwrap();
-        let rates = calibrate::session::decode(&bytes).unwrap().rates.unwrap();
+        let rates = decode(&bytes).unwrap().rates.unwrap();
         let (real, response) = (rates.real(), responses[node]);
         [0, 1, 2].map(|axis| {
             let felt = response.measured.map(|row| row[axis]);
@@ -108,4 +109,21 @@ pub fn scale_errors(kept: &str, responses: &[Response; 2]) -> [[f64; 3]; 2] {
             scaled.iter().sum::<f64>() - 1.0
         })
     })
+}
+
+/// The same file without slopes of the gyroscopes' scale, as if none had been turned in a chamber.
+pub fn without_slopes(kept: &str) -> String {
+    let mut kept: serde_json::Value = serde_json::from_str(kept).unwrap();
+    for node in kept["nodes"].as_array_mut().unwrap() {
+        let bytes = output::hex::bytes(node["calibration_hex"].as_str().unwrap()).unwrap();
+        let mut calibration = decode(&bytes).unwrap();
+        let rates = calibration.rates.as_mut().unwrap();
+        rates.scale1_q38 = [0; 3];
+        let bytes = encode(&calibration);
+        let sum = bytes.last_chunk::<4>().unwrap();
+        node["crc32"] = format!("{:08X}", u32::from_le_bytes(*sum)).into();
+        node["calibration_hex"] = output::hex::digits(&bytes).into();
+        node["report_sha256"] = serde_json::Value::Null;
+    }
+    kept.to_string()
 }

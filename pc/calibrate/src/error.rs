@@ -135,11 +135,19 @@ pub enum CalibrateError {
     Print(io::Error),
     /// Something else, and the nodes that could not be given back what they had.
     #[error(
-        "{0}; node {a} could not be given back the calibration that it had: write as-found.json \
-         with --restore",
+        "{0}; {a} could not be given back what was found: write as-found.json with --restore",
         a = joined(.1)
     )]
     Left(Box<CalibrateError>, Vec<u8>),
+    /// Something else, and the nodes that had nothing to be given back.
+    #[error(
+        "{0}; {a} had no calibration before: what this run stored stays until the next one",
+        a = joined(.1)
+    )]
+    First(Box<CalibrateError>, Vec<u8>),
+    /// A node has no calibration to keep.
+    #[error("node {0} has no calibration yet: there is nothing to keep")]
+    NothingToKeep(u8),
     /// The chamber does not reach a temperature of the profile: it, and the chamber's range.
     #[error(
         "the profile has {0} degC, and the chamber goes from {a} to {b} degC: choose another \
@@ -165,6 +173,9 @@ pub enum CalibrateError {
     /// There is no run to go on from.
     #[error("{0} is not there: no run to go on from; omit --resume, or name its folder with --out")]
     NoRun(PathBuf),
+    /// A folder holds a run that has come to its end, and none that was interrupted.
+    #[error("the run in {0} has come to its end: there is nothing to resume")]
+    Finished(PathBuf),
     /// A folder holds a run that was interrupted.
     #[error(
         "{0} holds a run that was interrupted: go on with --resume, choose another folder with \
@@ -184,7 +195,10 @@ pub enum CalibrateError {
     )]
     Newer(PathBuf),
     /// A file is of a run that was begun with something else.
-    #[error("{0} was begun with another {1}: start again with --force, or with another --out")]
+    #[error(
+        "{0} was begun with another {1}: resume with the same instrument and options as then, or \
+         begin a new run with another --out"
+    )]
     Another(PathBuf, &'static str),
     /// The model does not fit the chain's numbers: node-id.
     #[error(
@@ -193,7 +207,10 @@ pub enum CalibrateError {
     )]
     Beyond(u8),
     /// Something else, and where stands what was measured until then.
-    #[error("{0} (what was measured so far is kept: go on with --resume --out {1})")]
+    #[error(
+        "{0} (what was measured so far is kept: go on with --resume --out {1} and the options of \
+         before)"
+    )]
     Kept(Box<CalibrateError>, PathBuf),
     /// Something else, and why what was measured until then could not be kept.
     #[error("{0} (what was measured is lost: {1})")]
@@ -201,8 +218,9 @@ pub enum CalibrateError {
 }
 
 fn joined(nodes: &[u8]) -> String {
+    let word = if nodes.len() == 1 { "node" } else { "nodes" };
     let nodes: Vec<_> = nodes.iter().map(u8::to_string).collect();
-    nodes.join(" and ")
+    format!("{word} {}", nodes.join(" and "))
 }
 
 impl From<SdoError> for CalibrateError {

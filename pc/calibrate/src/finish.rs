@@ -16,7 +16,7 @@ use super::data::Report;
 use super::error::CalibrateError;
 use super::folder::Folder;
 use super::kept::{self, Kept, KeptNode};
-use super::session::Session;
+use super::session::{Node, Session};
 use super::{dcc, page};
 use bus_master::BusOptions;
 use output::write::check_place;
@@ -147,8 +147,13 @@ impl Common {
         // Before the nodes are asked.
         check_place(path).map_err(|why| CalibrateError::Keep(path.to_owned(), why))?;
         let mut session = self.open(ids)?;
+        let blank = session.nodes.iter().find(|node| node.is_blank());
+        let blank = blank.map(|node| node.id);
         let kept = kept::as_found(&session);
         session.leave();
+        if let Some(id) = blank {
+            return Err(CalibrateError::NothingToKeep(id));
+        }
         kept::save(path, &kept)?;
         self.print_kept(&kept, "kept")
     }
@@ -222,6 +227,10 @@ pub fn settle(folder: &Folder, session: &mut Session, done: Done) -> Done {
         (Err(error), false) => error,
         (Ok(_), false) => CalibrateError::Rejected,
     };
+    let mut kept = session.nodes.iter().filter(|node| left.contains(&node.id));
+    if kept.all(Node::is_blank) {
+        return Err(CalibrateError::First(Box::new(error), left));
+    }
     tell(&format!(
         "what the nodes had is in {}",
         folder.found().display()

@@ -21,7 +21,13 @@ const AS_FOUND: &str = "as-found.json";
 pub const MEASURED: &str = "measured.json";
 
 /// Each of them makes a folder one of a calibration.
-const NAMES: [&str; 5] = [AS_FOUND, "dcc.xml", "report.json", "report.html", MEASURED];
+const NAMES: [&str; 5] = [AS_FOUND, "dcc.xml", REPORT, "report.html", MEASURED];
+
+/// The report's numbers, without which there is no report.
+const REPORT: &str = "report.json";
+
+/// How the folders beside a report begin that hold what is not accepted, or not yet.
+const NOT_ACCEPTED: &str = "not-accepted-";
 
 /// The folder of a report.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -44,7 +50,7 @@ impl Folder {
             None => out.to_owned(),
             Some(_) if force => {
                 let time = utc(now()).replace(['-', ':'], "");
-                out.join(format!("not-accepted-{time}"))
+                out.join(format!("{NOT_ACCEPTED}{time}"))
             }
             Some(place) => return Err(CalibrateError::Earlier(place, "folder with --out")),
         };
@@ -53,22 +59,40 @@ impl Folder {
         Ok(Self { out, own })
     }
 
-    /// Takes the folder of a run that was interrupted, to go on with it.
+    /// Takes the folder of a run that was interrupted, to go on with it. Where a report is, the run
+    /// is the newest one that --force has put beside it; its folder may be named as well.
     ///
-    /// Errors: [`CalibrateError::Earlier`] where a report is: that run has come to its end.
+    /// Errors: [`CalibrateError::Finished`] where a report is and no such run.
     pub fn resume(out: &Path) -> Result<Self, CalibrateError> {
-        let report = out.join("report.json");
-        if report.symlink_metadata().is_ok() {
-            return Err(CalibrateError::Earlier(report, "folder with --out"));
+        let has_report = |out: &Path| out.join(REPORT).symlink_metadata().is_ok();
+        if !has_report(out) {
+            let beside = out.parent().filter(|parent| has_report(parent));
+            let named = out.file_name().and_then(|name| name.to_str());
+            let is_beside = named.is_some_and(|name| name.starts_with(NOT_ACCEPTED));
+            return Ok(Self {
+                out: beside.filter(|_| is_beside).unwrap_or(out).to_owned(),
+                own: out.to_owned(),
+            });
         }
-        let (out, own) = (out.to_owned(), out.to_owned());
-        Ok(Self { out, own })
+        let entries = fs::read_dir(out).map_err(CalibrateError::file(out))?;
+        let folders = entries.flatten().map(|entry| entry.path());
+        let runs = folders.filter(|path| {
+            let name = path.file_name().and_then(|name| name.to_str());
+            name.is_some_and(|name| name.starts_with(NOT_ACCEPTED)) && Self::is_unfinished(path)
+        });
+        match runs.max() {
+            Some(own) => Ok(Self {
+                out: out.to_owned(),
+                own,
+            }),
+            None => Err(CalibrateError::Finished(out.to_owned())),
+        }
     }
 
     /// True when it holds what `plumb characterise` has measured, and no report.
     pub fn is_unfinished(out: &Path) -> bool {
         let is_there = |name: &str| out.join(name).symlink_metadata().is_ok();
-        is_there(MEASURED) && !is_there("report.json")
+        is_there(MEASURED) && !is_there(REPORT)
     }
 
     /// Where the files go until the calibration is accepted.
@@ -111,6 +135,11 @@ impl Folder {
         let mut all = vec![(AS_FOUND, found.as_str())];
         all.extend_from_slice(files);
         write::together(&self.out, &all)?;
+        let measured = self.own.join(MEASURED);
+        if measured.symlink_metadata().is_ok() {
+            fs::rename(&measured, self.out.join(MEASURED))
+                .map_err(CalibrateError::file(&measured))?;
+        }
         self.forget();
         Ok(self.out.clone())
     }
@@ -213,5 +242,37 @@ mod tests {
         folder.forget();
         assert_eq!(names(&scratch).len(), WRITTEN, "{:?}", names(&scratch));
         assert!(text(&scratch, AS_FOUND).contains("first"));
+    }
+
+    /// Where a report stood, --resume asked for --force, which goes without --resume; and what was
+    /// accepted stayed in the folder of what is not.
+    #[test]
+    fn a_run_beside_a_report_could_not_be_resumed_into_its_place() {
+        let scratch = tempfile::tempdir().unwrap();
+        let out = scratch.path();
+        let put = |place: &Path, name: &str| fs::write(place.join(name), "old").unwrap();
+        put(out, REPORT);
+        put(out, MEASURED);
+        let refused = Folder::resume(out).unwrap_err().to_string();
+        assert!(refused.contains("nothing to resume"), "{refused}");
+        for (time, begun) in [("1", true), ("2", true), ("3", false)] {
+            let own = out.join(format!("{NOT_ACCEPTED}{time}"));
+            fs::create_dir(&own).unwrap();
+            if begun {
+                fs::write(own.join(MEASURED), time).unwrap();
+                fs::write(own.join(AS_FOUND), time).unwrap();
+            }
+        }
+        let newest = Folder::resume(out).unwrap();
+        assert_eq!(newest.own(), out.join("not-accepted-2"));
+        assert_eq!(Folder::resume(newest.own()).unwrap(), newest);
+        let written = newest.write(&[(REPORT, "new")], true).unwrap();
+        assert_eq!(written, out);
+        assert_eq!(text(&scratch, REPORT), "new");
+        assert_eq!(text(&scratch, MEASURED), "2");
+        assert!(!newest.own().exists());
+        // Elsewhere the folder is that of the run, whatever its name.
+        let alone = Path::new("/nowhere/not-accepted-1");
+        assert_eq!(Folder::resume(alone).unwrap().out(), alone);
     }
 }

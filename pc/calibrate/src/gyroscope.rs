@@ -164,7 +164,7 @@ pub fn figures(report: &Report) -> String {
                 largest_gain(channel),
                 match &turns.open_axes[..] {
                     [] => String::new(),
-                    open => format!("; axis {} was not turned", open.join(", ")),
+                    open => format!("; not turned enough about axis {}", open.join(", ")),
                 }
             ),
         };

@@ -14,7 +14,9 @@ use std::time::{Duration, Instant};
 use canopen::object::Abort;
 use device::calibration::encoding::{decode_into, identity, length, read_at};
 use device::objects::table::Channel;
-use tilt::chain::Calibration;
+use tilt::angle::Axes;
+use tilt::chain::{Calibration, Correction};
+use tilt::table::Rule;
 
 use super::error::CalibrateError;
 use super::reading::{Reading, Upset, wrap};
@@ -50,6 +52,22 @@ pub fn decode(bytes: &[u8]) -> Option<Calibration> {
         count
     });
     decoded.ok().map(|()| calibration)
+}
+
+/// The kind of a node that makes tables: 2062h sub 2.
+const TABLES: u8 = 0;
+
+/// What stands in for the calibration of a node of this kind (2062h sub 2) that makes tables and
+/// has not made any: its 2061h has no point, which nothing takes for a calibration.
+fn without_tables(kind: u8, calibrated: bool) -> Option<Calibration> {
+    let correction = Correction::Tables {
+        tables: Axes::default(),
+        rule: Rule::Linear,
+    };
+    (kind == TABLES && !calibrated).then_some(Calibration {
+        correction,
+        ..Calibration::NOMINAL
+    })
 }
 
 /// The bytes of a calibration, as 2061h has them.
@@ -101,6 +119,11 @@ impl Node {
             Channel::A => "A",
             Channel::B => "B",
         }
+    }
+
+    /// It makes tables and has not made any: there is nothing that it could be given back.
+    pub const fn is_blank(&self) -> bool {
+        self.kind == TABLES && !self.calibrated
     }
 
     /// 2062h sub 1 of the calibration that was found.
@@ -201,10 +224,11 @@ impl Session {
         let serial = self.client(id).read_u32(0x1018, 4)?;
         let software = self.client(id).upload(0x100A, 0)?;
         let kind = self.client(id).read_u32(0x2062, 2)? as u8;
-        let validity = self.client(id).read_u32(0x2020, 0)?;
+        let calibrated = self.client(id).read_u32(0x2020, 0)? & 0x40 != 0;
         let period = self.client(id).read_u32(0x2033, 0)?;
         let bytes = Client::patient(&mut self.bus, id).upload(0x2061, 0)?;
-        let calibration = decode(&bytes).ok_or(CalibrateError::Undecodable(id))?;
+        let calibration = decode(&bytes).or_else(|| without_tables(kind, calibrated));
+        let calibration = calibration.ok_or(CalibrateError::Undecodable(id))?;
         Ok(Node {
             id,
             channel,
@@ -212,7 +236,7 @@ impl Session {
             product,
             software: String::from_utf8_lossy(&software).into_owned(),
             kind,
-            calibrated: validity & 0x40 != 0,
+            calibrated,
             state: None,
             bytes,
             calibration,
@@ -594,12 +618,13 @@ impl Session {
         for place in 0..self.nodes.len() {
             let node = &self.nodes[place];
             let (id, changed, bytes) = (node.id, node.changed, node.bytes.clone());
+            let blank = node.is_blank();
             let hash = node.hash.clone();
             if !changed {
                 continue;
             }
             // An interrupted transfer may be open, and a signal that waits ends the first try.
-            let restored = (0..2).any(|_| self.write(place, &bytes).is_ok());
+            let restored = !blank && (0..2).any(|_| self.write(place, &bytes).is_ok());
             let belongs = matches!(self.hash(place), Ok(now) if now == hash);
             if let (true, false, Some(hash)) = (restored, belongs, &hash) {
                 // Without it the report of before is no longer vouched for, which verify tells.
@@ -723,5 +748,15 @@ mod tests {
         let bytes = encode(&Calibration::NOMINAL);
         assert_eq!(decode(&bytes), Some(Calibration::NOMINAL));
         assert_eq!(decode(&bytes[..bytes.len() - 4]), None);
+    }
+
+    /// Its 2061h has no point, and was taken for the format of another release.
+    #[test]
+    fn a_new_instrument_that_makes_tables_could_not_be_calibrated() {
+        let blank = without_tables(TABLES, false).unwrap();
+        assert_eq!(decode(&encode(&blank)), None);
+        assert!(matches!(blank.correction, Correction::Tables { .. }));
+        assert_eq!(without_tables(TABLES, true), None);
+        assert_eq!(without_tables(1, false), None);
     }
 }

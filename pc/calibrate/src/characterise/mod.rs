@@ -104,6 +104,9 @@ const NO_CHAMBER: &str = "state what controls the temperature: --chamber URL or 
 const ONE_AXIS: &str = "the motor turns one axis only, and the quadratic model takes both: leave \
                         --motor out and turn the housing by hand (docs/chamber.md)";
 
+/// What a correction by tables takes.
+const TABLES: &str = "a correction by tables takes the piecewise model: leave --model out";
+
 /// Characterises, or keeps and restores calibrations. Exit status 1: the model leaves more than the
 /// tolerance, and the nodes have the calibration that they had.
 ///
@@ -182,8 +185,11 @@ fn model(arguments: &Arguments, session: &Session) -> Result<Model, CalibrateErr
     // Nodes of one kind have corrections of one kind.
     Kind::of(session)?;
     let first = session.nodes.first().ok_or(finish::NODES)?;
-    let usual = Model::of(&first.calibration.correction);
-    Ok(arguments.model.unwrap_or(usual))
+    match (Model::of(&first.calibration.correction), arguments.model) {
+        // An image with tables has no room for another model.
+        (Model::Piecewise, Some(Model::Quadratic)) => Err(CalibrateError::Request(TABLES)),
+        (usual, asked) => Ok(asked.unwrap_or(usual)),
+    }
 }
 
 /// The sequence of temperatures that was asked for.
@@ -299,8 +305,9 @@ impl Work<'_> {
             return Ok(Measured::new(begun, now()));
         }
         let measured = Measured::resume(self.folder.own(), &begun)?;
-        if self.folder.found().symlink_metadata().is_err() {
-            self.folder.keep(&found)?;
+        let place = self.folder.found();
+        if place.symlink_metadata().is_err() {
+            kept::save(&place, &found)?;
         }
         let (over, all) = (measured.dwells.len(), begun.profile.places().count());
         (self.tell)(&format!("{over} of {all} dwells were measured before"));
@@ -405,7 +412,7 @@ fn scale(channel: &Channel) -> String {
     let left_out: u32 = scale.left_out.iter().map(|left| left.turns).sum();
     let open = match &scale.open_axes[..] {
         [] => String::new(),
-        open => format!("; axis {} was not turned", open.join(", ")),
+        open => format!("; not turned enough about axis {}", open.join(", ")),
     };
     format!(
         "gyroscope {letter}: scale over temperature from {} turns, {left_out} left out; {:.3} deg \
