@@ -2,8 +2,9 @@
 //!
 //! In: nothing, or a rate in kbit/s. Out: the rate of each node, or nodes that have changed and
 //! stored it. Every node on the bus has to follow, or the bus stands still: so nothing is changed
-//! while a node is there that does not answer LSS, unless it is forced. The nodes are told, store
-//! it, and change together after a pause; then the adapter has to follow as well.
+//! while a node is there that does not answer LSS, or the other channel of an instrument is not,
+//! unless it is forced. The nodes are told, store it, and change together after a pause; then the
+//! adapter has to follow as well. What ends it before the change has the rate in use stored again.
 //!
 //! Left out: the adapter's own rate, but for SLCAN, whose channel is opened anew with it.
 
@@ -22,9 +23,9 @@ use bus_master::fault::Fault;
 use bus_master::lss::{BIT_RATES, Identity, Master};
 use bus_master::nmt::{self, Command, State};
 use bus_master::node::Node;
-use bus_master::nodes::Meant;
+use bus_master::nodes::{self, Meant};
 use bus_master::sdo::{Client, SdoError};
-use bus_master::survey::survey;
+use bus_master::survey::{Survey, survey};
 
 /// How long is listened for who is there.
 const ASKING: Duration = Duration::from_millis(1000);
@@ -38,7 +39,8 @@ const BACK: Duration = Duration::from_secs(5);
 /// What is changed.
 #[derive(Clone, Debug, Args)]
 pub struct Arguments {
-    /// The new bit rate, kbit/s: 1000, 800, 500, 250, 125, 50, 20 or 10; read when not given
+    /// The new bit rate, kbit/s: 1000, 800, 500, 250, 125, 50, 20 or 10; when not given, the one in
+    /// use is read
     #[arg(value_parser = rate, value_name = "KBIT/S")]
     pub rate: Option<u16>,
     /// Pause before and after the change, ms
@@ -48,7 +50,8 @@ pub struct Arguments {
     /// Take nodes that are OPERATIONAL or STOPPED to PRE-OPERATIONAL for the change, and back
     #[arg(long)]
     pub stop: bool,
-    /// Change also while nodes that cannot follow are on the bus
+    /// Change also while nodes that cannot follow are on the bus, or the other channel of an
+    /// instrument does not answer
     #[arg(long)]
     pub force: bool,
     /// Which nodes are read; all channels on the bus when not given
@@ -140,8 +143,7 @@ fn line(rate: &Rate, changed: bool) -> String {
 /// that they have, which no node tells in STOPPED.
 fn change(bus: &mut Bus, rate: u16, arguments: &Arguments) -> Result<Vec<Rate>, CommissionError> {
     let heard = survey(bus, ASKING).map_err(Fault::bus)?;
-    let there: Vec<u8> = heard.nodes().into_iter().collect();
-    if there.is_empty() {
+    if heard.nodes().is_empty() {
         return Err(Fault::nobody(bus).into());
     }
     let in_state = |wanted: State| {
@@ -154,12 +156,10 @@ fn change(bus: &mut Bus, rate: u16, arguments: &Arguments) -> Result<Vec<Rate>, 
         return Err(CommissionError::Halted(halted));
     }
     if !arguments.stop {
-        let changed = change_these(bus, rate, arguments, there, &working)?;
-        return read(bus, &changed);
+        return change_these(bus, rate, arguments, &heard, &working);
     }
     let stopped = stop(bus, &[&working[..], &halted].concat());
-    let changed = stopped.and_then(|()| change_these(bus, rate, arguments, there, &[]));
-    let changed = changed.and_then(|nodes| read(bus, &nodes));
+    let changed = stopped.and_then(|()| change_these(bus, rate, arguments, &heard, &[]));
     // Those that did not follow have not heard it; what went wrong before says more.
     let working = working.iter().map(|node| (Command::Start, node));
     let halted = halted.iter().map(|node| (Command::Stop, node));
@@ -185,11 +185,40 @@ fn change_these(
     bus: &mut Bus,
     rate: u16,
     arguments: &Arguments,
-    there: Vec<u8>,
+    heard: &Survey,
+    working: &[u8],
+) -> Result<Vec<Rate>, CommissionError> {
+    if !arguments.force
+        && let Some(missing) = nodes::missing(bus, heard)?
+    {
+        return Err(CommissionError::Half(missing));
+    }
+    let follow = match told(bus, rate, arguments, heard, working) {
+        Ok(follow) => follow,
+        Err(error) => {
+            // Nobody is left behind in the configuration state; why it ended says more.
+            let _ = Master::new(bus).switch_all(false);
+            return Err(error);
+        }
+    };
+    let rates = arrived(bus, rate, arguments, &follow);
+    rates.map_err(|error| match error {
+        CommissionError::Fault(why) => CommissionError::Changed(why, follow, rate),
+        error => error,
+    })
+}
+
+/// Selects those that are there and tells them, where all of them can follow; who does.
+fn told(
+    bus: &mut Bus,
+    rate: u16,
+    arguments: &Arguments,
+    heard: &Survey,
     working: &[u8],
 ) -> Result<Vec<u8>, CommissionError> {
+    Master::begin(bus).map_err(Fault::from)?;
     let (mut follow, mut behind) = (Vec::new(), Vec::new());
-    for id in there {
+    for id in heard.nodes() {
         match selected(bus, id)? {
             true => follow.push(id),
             false => behind.push(id),
@@ -198,26 +227,38 @@ fn change_these(
     let (working, behind): (Vec<u8>, Vec<u8>) =
         behind.into_iter().partition(|id| working.contains(id));
     let may = arguments.force || behind.is_empty();
-    let told = match (working.is_empty(), may && !follow.is_empty()) {
+    match (working.is_empty(), may && !follow.is_empty()) {
         // Not even by force: these can follow.
         (false, _) => Err(CommissionError::Operational(working)),
-        (true, true) => tell(bus, rate, arguments.delay),
+        (true, true) => tell(bus, &follow, rate, arguments.delay).map(|()| follow),
         (true, false) => Err(CommissionError::Behind(behind)),
-    };
-    if told.is_err() {
-        Master::new(bus).switch_all(false).map_err(Fault::from)?;
     }
-    told?;
+}
+
+/// Follows nodes that change, until all answer; the rates that they have then.
+fn arrived(
+    bus: &mut Bus,
+    rate: u16,
+    arguments: &Arguments,
+    follow: &[u8],
+) -> Result<Vec<Rate>, CommissionError> {
     answer(arguments).say(format!(
         "commanded to change to {rate} kbit/s: nodes {}\n",
-        listed(&follow)
+        listed(follow)
     ))?;
     // Both pauses of the nodes.
     sleep(2 * Duration::from_millis(u64::from(arguments.delay)));
     // Other adapters have their rate set elsewhere.
     bus.set_bit_rate(u32::from(rate)).map_err(Fault::bus)?;
-    await_all(bus, &follow, rate)?;
-    Ok(follow)
+    let silent = silent(bus, follow);
+    // Nobody is left behind in the configuration state, whatever became of it.
+    let back = Master::new(bus).switch_all(false);
+    let silent = silent?;
+    back.map_err(Fault::from)?;
+    match silent.is_empty() {
+        true => read(bus, follow),
+        false => Err(CommissionError::NotFollowed(silent, rate)),
+    }
 }
 
 /// Brings a node into the configuration state by its identity; false where it does not answer.
@@ -234,21 +275,38 @@ fn selected(bus: &mut Bus, id: u8) -> Result<bool, Fault> {
     Ok(Master::new(bus).select(&identity)?)
 }
 
-/// Tells those in the configuration state, which store it and change.
-fn tell(bus: &mut Bus, rate: u16, delay: u16) -> Result<(), CommissionError> {
-    let index = BIT_RATES
-        .iter()
-        .position(|known| *known == rate)
-        .unwrap_or(0);
+/// Tells those in the configuration state, which store it and change. Where that ends before the
+/// change, they are told the rate in use again, and store it where they were to store the new one.
+fn tell(bus: &mut Bus, nodes: &[u8], rate: u16, delay: u16) -> Result<(), CommissionError> {
+    let rates = read(bus, nodes)?;
+    // All have the same one, and not every device tells it.
+    let mut in_use = rates.iter().filter_map(|rate| rate.bit_rate_kbit_s);
+    let before = in_use.find_map(|rate| index(u16::try_from(rate).ok()?));
     let mut master = Master::new(bus);
-    let told = master.configure_bit_timing(index as u8);
-    let stored = told.and_then(|_| master.store());
-    let changed = stored.and_then(|_| master.activate_bit_timing(delay));
-    changed.map_err(|error| Fault::from(error).into())
+    if let Err(why) = master.configure_bit_timing(index(rate).unwrap_or(0)) {
+        // What another tool has them store later is not the new rate.
+        let _ = before.map(|before| master.configure_bit_timing(before));
+        return Err(Fault::from(why).into());
+    }
+    let stored = master.store();
+    let Err(why) = stored.and_then(|_| master.activate_bit_timing(delay)) else {
+        return Ok(());
+    };
+    let why = Fault::from(why);
+    match before.map(|before| master.store_instead(before)) {
+        Some(Ok(_)) => Err(why.into()),
+        _ => Err(CommissionError::StillStored(why, nodes.to_vec(), rate)),
+    }
 }
 
-/// Waits until all answer; then nobody is in the configuration state any more.
-fn await_all(bus: &mut Bus, nodes: &[u8], rate: u16) -> Result<(), CommissionError> {
+/// The index of a rate in [`BIT_RATES`].
+fn index(rate: u16) -> Option<u8> {
+    let mut known = (0..).zip(BIT_RATES).filter(|(_, known)| *known > 0);
+    known.find_map(|(index, known)| (known == rate).then_some(index))
+}
+
+/// Waits until all answer; who does not.
+fn silent(bus: &mut Bus, nodes: &[u8]) -> Result<Vec<u8>, Fault> {
     let until = Instant::now() + BACK;
     let mut silent = nodes.to_vec();
     while !silent.is_empty() && Instant::now() < until {
@@ -256,18 +314,14 @@ fn await_all(bus: &mut Bus, nodes: &[u8], rate: u16) -> Result<(), CommissionErr
         for id in silent {
             match Client::new(bus, id).read_u32(0x1000, 0) {
                 Ok(_) => {}
-                Err(SdoError::Lost(error)) => return Err(Fault::bus(error).into()),
-                Err(SdoError::Interrupted) => return Err(Fault::Interrupted.into()),
+                Err(SdoError::Lost(error)) => return Err(Fault::bus(error)),
+                Err(SdoError::Interrupted) => return Err(Fault::Interrupted),
                 Err(_) => still.push(id),
             }
         }
         silent = still;
     }
-    Master::new(bus).switch_all(false).map_err(Fault::from)?;
-    match silent.is_empty() {
-        true => Ok(()),
-        false => Err(CommissionError::NotFollowed(silent, rate)),
-    }
+    Ok(silent)
 }
 
 #[cfg(test)]
@@ -280,5 +334,9 @@ mod tests {
         for wrong in ["0", "100", "250000", "fast", ""] {
             assert!(rate(wrong).is_err(), "{wrong}");
         }
+        assert_eq!(
+            [1000, 500, 10, 0, 100].map(index),
+            [Some(0), Some(2), Some(8), None, None]
+        );
     }
 }

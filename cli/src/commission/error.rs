@@ -10,7 +10,7 @@ use std::io;
 use std::path::PathBuf;
 
 use bus_master::fault::Fault;
-use bus_master::nodes::NodesError;
+use bus_master::nodes::{Missing, NodesError};
 use bus_master::sdo::{coded, meaning};
 use codes::name::NameError;
 use codes::value::ValueError;
@@ -158,13 +158,32 @@ pub enum CommissionError {
     Behind(Vec<u8>),
     /// These nodes do not answer at the new rate; the rate.
     #[error(
-        "these nodes have stored {1} kbit/s and do not answer here: {a}; set the adapter to {1} \
-         kbit/s as well (for SocketCAN: `ip link set can0 down`, then `ip link set can0 up type \
-         can bitrate {1}000`; for `plumb serve`: `plumb twin bit-rate {1}`), then look with \
-         `plumb bitrate`",
-        a = listed(.0)
+        "these nodes have stored {1} kbit/s and do not answer here: {a}; {b}",
+        a = listed(.0),
+        b = follow(*.1)
     )]
     NotFollowed(Vec<u8>, u16),
+    /// It ended when the nodes had changed to the new rate: why, the nodes, the rate.
+    #[error(
+        "{0}; these nodes have changed to {2} kbit/s and stored it: {a}; {b}",
+        a = listed(.1),
+        b = follow(*.2)
+    )]
+    Changed(Fault, Vec<u8>, u16),
+    /// It ended before the nodes changed, and the old rate could not be stored again: why, the
+    /// nodes, the new rate.
+    #[error(
+        "{0}; these nodes may have stored {2} kbit/s, and use it from their next reset on: {a}; \
+         store the rate that is to be used with `plumb bitrate KBIT/S`",
+        a = listed(.1)
+    )]
+    StillStored(Fault, Vec<u8>, u16),
+    /// The other channel of an instrument does not answer and would not follow.
+    #[error(
+        "{0}, so nothing was written: reconnect it, or use --force to change the nodes that are \
+         there alone"
+    )]
+    Half(Missing),
     /// Another node has this node-id.
     #[error("node-id {0} is in use on this bus: choose another one (`plumb scan` lists them)")]
     Taken(u8),
@@ -204,6 +223,15 @@ pub enum CommissionError {
 pub fn listed(nodes: &[u8]) -> String {
     let names: Vec<_> = nodes.iter().map(u8::to_string).collect();
     names.join(", ")
+}
+
+/// How the adapter follows nodes that have changed to this rate.
+fn follow(rate: u16) -> String {
+    format!(
+        "set the adapter to {rate} kbit/s as well (for SocketCAN: `ip link set can0 down`, then \
+         `ip link set can0 up type can bitrate {rate}000`; for `plumb serve`: `plumb twin \
+         bit-rate {rate}`), then look with `plumb bitrate`"
+    )
 }
 
 /// What helps against a reason of 2025h.

@@ -1,6 +1,8 @@
 //! The verbs that commission an instrument from the outside, against the nodes of `plumb serve`.
 
 mod bench;
+#[cfg(unix)]
+mod bitrate;
 #[path = "../program/mod.rs"]
 mod program;
 mod silence;

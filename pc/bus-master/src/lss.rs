@@ -30,6 +30,9 @@ const WAITS: [Duration; 3] = [
     Duration::from_millis(400),
 ];
 
+/// How long a node may still be storing when its master was interrupted.
+const STORING: Duration = Duration::from_millis(500);
+
 /// How long answers to the question before are let pass by.
 const DRAIN: Duration = Duration::from_millis(2);
 
@@ -91,6 +94,16 @@ impl<'a> Master<'a> {
     /// A master on this bus.
     pub fn new(bus: &'a mut Bus) -> Self {
         Self { bus }
+    }
+
+    /// A master for a session of its own: all nodes leave the configuration state, in which an
+    /// earlier session may have left them, where they do not answer to their identity.
+    ///
+    /// Errors: the bus is lost.
+    pub fn begin(bus: &'a mut Bus) -> Result<Self, LssError> {
+        let mut master = Self::new(bus);
+        master.switch_all(false)?;
+        Ok(master)
     }
 
     fn send(&mut self, specifier: u8, number: u32, rest: [u8; 3]) -> Result<(), LssError> {
@@ -215,6 +228,16 @@ impl<'a> Master<'a> {
         self.results("store", STORE)
     }
 
+    /// The nodes in the configuration state store this bit rate in place of the one that they were
+    /// just told to store, once that is over.
+    ///
+    /// Errors: see [`LssError`].
+    pub fn store_instead(&mut self, index: u8) -> Result<usize, LssError> {
+        while self.answer(STORE, STORING)?.is_some() {}
+        self.configure_bit_timing(index)?;
+        self.store()
+    }
+
     /// Answers of all nodes: none may be a refusal, and one has to come.
     fn results(&mut self, name: &'static str, specifier: u8) -> Result<usize, LssError> {
         let (mut count, mut patience) = (0, PATIENCE);
@@ -337,6 +360,16 @@ mod tests {
         assert!(refused.contains("does not support this value"), "{refused}");
         assert!(master.configure_bit_timing(5).is_err());
         assert_eq!(master.configure_bit_timing(2).unwrap(), 1);
+    }
+
+    #[test]
+    fn a_node_that_was_left_in_the_configuration_state_was_not_found_by_the_next_session() {
+        let mut bus = bus(vec![(A, 1), (B, 2)]);
+        assert!(Master::new(&mut bus).select(&A).unwrap());
+        assert!(!Master::new(&mut bus).select(&A).unwrap());
+        let mut master = Master::begin(&mut bus).unwrap();
+        assert!(master.select(&A).unwrap());
+        assert!(master.select(&B).unwrap());
     }
 
     #[test]

@@ -179,6 +179,25 @@ pub fn channels(bus: &mut Bus) -> Result<Meant, NodesError> {
         }
         survey = survey::survey(bus, ASKING).map_err(Fault::bus)?;
     }
+    let found = plumbs(bus, &mut survey)?;
+    match (found.is_empty(), survey.answers.is_empty()) {
+        (false, _) => with_peers(bus, &survey, found),
+        (true, true) => Err(Fault::nobody(bus).into()),
+        (true, false) => Err(NodesError::Strangers(survey.answers.into_keys().collect())),
+    }
+}
+
+/// The first channel on the bus whose peer does not answer, where a survey was made before.
+///
+/// Errors: see [`NodesError`].
+pub fn missing(bus: &mut Bus, survey: &Survey) -> Result<Option<Missing>, NodesError> {
+    let mut survey = survey.clone();
+    let found = plumbs(bus, &mut survey)?;
+    Ok(with_peers(bus, &survey, found)?.missing)
+}
+
+/// The channels of Plumbs that answer; those that were only heard are asked once more.
+fn plumbs(bus: &mut Bus, survey: &mut Survey) -> Result<Vec<u8>, Fault> {
     let heard: Vec<u8> = survey.heartbeats.keys().copied().collect();
     for node in heard {
         if !survey.answers.contains_key(&node)
@@ -194,11 +213,7 @@ pub fn channels(bus: &mut Bus) -> Result<Meant, NodesError> {
             found.push(*node);
         }
     }
-    match (found.is_empty(), survey.answers.is_empty()) {
-        (false, _) => with_peers(bus, &survey, found),
-        (true, true) => Err(Fault::nobody(bus).into()),
-        (true, false) => Err(NodesError::Strangers(survey.answers.into_keys().collect())),
-    }
+    Ok(found)
 }
 
 /// Looks for the peers of those found that have not answered to the one question to everybody.

@@ -274,7 +274,7 @@ impl Work<'_> {
 
     /// The nodes without a node-id, of which there have to be as many as are needed.
     fn fresh(&mut self, needed: usize) -> Result<Vec<Member>, CommissionError> {
-        let mut master = Master::new(self.bus);
+        let mut master = Master::begin(self.bus).map_err(Fault::from)?;
         let mut found = Vec::new();
         let ended = loop {
             match master.fastscan() {
@@ -354,22 +354,22 @@ impl Work<'_> {
             .iter()
             .filter(|member| member.old_node != Some(member.node))
         {
-            let mut master = Master::new(self.bus);
-            let selected = master.select(&member.identity).map_err(Fault::from)?;
-            let given = match selected {
-                true => master
+            let mut master = Master::begin(self.bus).map_err(Fault::from)?;
+            let given = match master.select(&member.identity) {
+                Ok(true) => master
                     .configure_node_id(member.node)
-                    .and_then(|()| master.store()),
-                false => {
-                    let node = member.old_node.unwrap_or(member.node);
-                    return Err(CommissionError::NotSelected(node));
-                }
+                    .and_then(|()| master.store())
+                    .map(|_| true),
+                silent_or_lost => silent_or_lost,
             };
             // Nobody is left behind in the configuration state, whatever became of it.
             let back = master.switch_all(false);
-            given.map_err(Fault::from)?;
+            let given = given.map_err(Fault::from)?;
             back.map_err(Fault::from)?;
             let id = member.node;
+            if !given {
+                return Err(CommissionError::NotSelected(member.old_node.unwrap_or(id)));
+            }
             self.say(&format!(
                 "{}: node-id {id} is given and stored",
                 named(member)
