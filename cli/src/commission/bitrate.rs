@@ -2,7 +2,7 @@
 //!
 //! In: nothing, or a rate in kbit/s. Out: the rate of each node, or nodes that have changed and
 //! stored it. Every node on the bus has to follow, or the bus stands still: so nothing is changed
-//! while a node is there that does not answer LSS, or the other channel of an instrument is not,
+//! while a node does not answer LSS, or the other channel of an instrument does not answer at all,
 //! unless it is forced. The nodes are told, store it, and change together after a pause; then the
 //! adapter has to follow as well. What ends it before the change has the rate in use stored again.
 //!
