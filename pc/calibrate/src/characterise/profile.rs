@@ -157,12 +157,16 @@ impl Profile {
             runs,
             steps: Vec::new(),
         };
+        // Some editors put a mark of the byte order first.
+        let text = text.strip_prefix('\u{feff}').unwrap_or(text);
         for (number, line) in (1..).zip(text.lines()) {
             let bare = line.split('#').next().unwrap_or("").trim();
             let words: Vec<&str> = bare.split_whitespace().collect();
             let taken = match words[..] {
                 [] => Some(()),
-                ["runs", runs] => runs.parse().ok().map(|runs| profile.runs = runs),
+                ["runs", runs] if profile.steps.is_empty() => {
+                    runs.parse().ok().map(|runs| profile.runs = runs)
+                }
                 [degc, minutes] => step(degc, minutes).map(|step| profile.steps.push(step)),
                 _ => None,
             };
@@ -402,7 +406,9 @@ mod tests {
         assert_eq!((profile.runs, profile.steps.len()), (1, 2));
         assert_eq!(profile.steps[1].temperature_degc, -10.0);
         assert_eq!(read("0 1\n").unwrap().runs, 2);
-        for bad in ["25", "25 ten", "25 10 5", "runs many", "nan 1"] {
+        assert_eq!(read("\u{feff}25 1\n").unwrap().steps.len(), 1);
+        // `runs` stands before the dwells.
+        for bad in ["25", "25 ten", "25 10 5", "runs many", "nan 1", "runs 2"] {
             let told = read(&format!("0 1\n{bad}\n")).unwrap_err().to_string();
             assert!(told.contains("line 2"), "{told}");
         }
