@@ -204,9 +204,7 @@ impl State {
             Event::Reset(n) | Event::Power(n, _) => Some(n),
             _ => None,
         };
-        let mut begins = watch.borrow_mut();
-        begins.begin_anew(world, event.is_of_a_node(), restarted);
-        drop(begins);
+        (watch.borrow_mut()).begin_anew(world, event.is_of_a_node(), restarted);
         world.run(pause_us, &mut heard);
         broken.into_inner()
     }

@@ -59,8 +59,6 @@ pub struct Past {
     pub disagreed: bool,
     /// When the last SYNC was at which both could be compared.
     pub last: Option<Instant>,
-    /// Both could be compared at the SYNC before.
-    pub could: bool,
     /// SYNCs in a row at which a PDO that it needs of the other one's exchange did not arrive.
     pub incomplete: u32,
 }
@@ -113,11 +111,9 @@ impl Watch {
         self.last_sync = at;
         for (n, past) in self.past.iter_mut().enumerate() {
             let can_compare = can_compare(world, n);
-            // The time before the first comparison is none in which they were compared.
-            let could = core::mem::replace(&mut past.could, can_compare) || !self.anew;
             match is_off(world, n) {
                 false => past.exposed_us = 0,
-                true if could && can_compare => past.exposed_us += promised_us,
+                true if can_compare => past.exposed_us += promised_us,
                 true => {}
             }
             past.incomplete = match is_incomplete(world, n) {
@@ -267,11 +263,11 @@ fn measures(world: &World, n: usize) -> bool {
     measure && world.omitted[1 - n] != Some(0)
 }
 
-/// They do, neither holds itself faulty, and the whole exchange of the other one arrives.
+/// They do, neither holds itself faulty, and all that this one needs of the other one arrives.
 fn can_compare(world: &World, n: usize) -> bool {
     let mut nodes = world.nodes.iter();
     let faultless = nodes.all(|node| node.device.pair().own_fault().is_none());
-    faultless && world.omitted[1 - n].is_none() && measures(world, n)
+    faultless && !is_incomplete(world, n) && measures(world, n)
 }
 
 /// A PDO of the other one's exchange does not arrive that this one needs: how far the other one

@@ -314,6 +314,15 @@ fn for_four_syncs_without_the_second_frame_the_angles_are_compared_alone() {
     assert!(!pair.told().is_valid());
 }
 
+/// A silence that ends now is over after a second, and leaves nothing.
+fn assert_is_over_after_a_second(pair: &mut Pair) {
+    pair.seconds(0.9);
+    assert_eq!(pair.told().state, 8);
+    pair.seconds(0.4);
+    assert_eq!(pair.told().state, 1);
+    assert!(pair.device.faults().is_empty());
+}
+
 /// The accelerations, the energy of both and the age of the data were compared no longer, and
 /// nothing reported it.
 #[test]
@@ -328,11 +337,7 @@ fn a_second_frame_that_never_came_was_not_reported() {
     assert!(pair.device.values().process.missed > 0);
     assert_eq!(pair.safety_frames(), 0);
     pair.peer.backed = true;
-    pair.seconds(0.9);
-    assert_eq!(pair.told().state, 8);
-    pair.seconds(0.4);
-    assert_eq!(pair.told().state, 1);
-    assert!(pair.device.faults().is_empty());
+    assert_is_over_after_a_second(&mut pair);
 }
 
 #[test]
@@ -346,11 +351,7 @@ fn a_peer_that_falls_silent_is_told_and_comes_back_by_itself() {
     assert_eq!(pair.read(at(0x2027, 2)), 15);
     pair.seconds(5.0);
     pair.peer.silent = false;
-    pair.seconds(0.9);
-    assert_eq!(pair.told().state, 8);
-    pair.seconds(0.4);
-    assert_eq!(pair.told().state, 1);
-    assert!(pair.device.faults().is_empty());
+    assert_is_over_after_a_second(&mut pair);
 }
 
 #[test]

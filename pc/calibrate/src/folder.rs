@@ -67,19 +67,14 @@ impl Folder {
         let has_report = |out: &Path| out.join(REPORT).symlink_metadata().is_ok();
         if !has_report(out) {
             let beside = out.parent().filter(|parent| has_report(parent));
-            let named = out.file_name().and_then(|name| name.to_str());
-            let is_beside = named.is_some_and(|name| name.starts_with(NOT_ACCEPTED));
             return Ok(Self {
-                out: beside.filter(|_| is_beside).unwrap_or(out).to_owned(),
+                out: beside.filter(|_| is_beside(out)).unwrap_or(out).to_owned(),
                 own: out.to_owned(),
             });
         }
         let entries = fs::read_dir(out).map_err(CalibrateError::file(out))?;
         let folders = entries.flatten().map(|entry| entry.path());
-        let runs = folders.filter(|path| {
-            let name = path.file_name().and_then(|name| name.to_str());
-            name.is_some_and(|name| name.starts_with(NOT_ACCEPTED)) && Self::is_unfinished(path)
-        });
+        let runs = folders.filter(|path| is_beside(path) && Self::is_unfinished(path));
         match runs.max() {
             Some(own) => Ok(Self {
                 out: out.to_owned(),
@@ -153,6 +148,12 @@ impl Folder {
             let _ = fs::remove_dir(&self.own);
         }
     }
+}
+
+/// By its name a folder stands beside a report and holds what is not accepted, or not yet.
+fn is_beside(path: &Path) -> bool {
+    let name = path.file_name().and_then(|name| name.to_str());
+    name.is_some_and(|name| name.starts_with(NOT_ACCEPTED))
 }
 
 #[cfg(test)]
