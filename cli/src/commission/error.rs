@@ -83,6 +83,9 @@ pub enum CommissionError {
         b = remedy(*.2)
     )]
     NoAngle(u8, String, u8),
+    /// It ended when a node had taken a write, which was not read back: why, node, name.
+    #[error("{0}; node {1} has taken what was written to {2}, which was not read back")]
+    NotReadBack(Fault, u8, String),
     /// The node holds another number than was written: node, name, written, read.
     #[error("node {0} was sent {2} for {1} and contains {3}")]
     Differs(u8, String, String, String),

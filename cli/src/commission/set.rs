@@ -2,11 +2,13 @@
 //! counts and whether it is kept.
 //!
 //! In: a name or an address, a value with its unit, nodes. Out: a line for each node, or JSON.
-//! What the object cannot hold is refused before anything goes out. Nothing is written twice.
+//! What the object cannot hold is refused before anything goes out. What a node has taken is not
+//! written twice; what it refuses while its angle becomes valid is tried again.
 //!
 //! Left out: contents of files, and commands with verbs of their own (`zero`, `save`, `restore`).
 
 use std::process::ExitCode;
+use std::time::{Duration, Instant};
 
 use canopen::object::{Abort, Access};
 use clap::Args;
@@ -24,6 +26,14 @@ use codes::value;
 
 /// The abort code of what can't be done in a node's present state.
 const WRONG_STATE: u32 = Abort::WrongState.code();
+
+/// Reasons of 2025h that end by themselves: the sensor starts, the filter settles.
+const STARTING: u8 = 1;
+const SETTLES: u8 = 2;
+
+/// For how long a write is tried again that is refused for one of these: a node whose other channel
+/// does not take part has no angle while it leaves OPERATIONAL.
+const SETTLING: Duration = Duration::from_secs(2);
 
 /// Objects that count from the next reset on only; all others count at once.
 const FROM_RESET: [(u16, u8); 3] = [(0x1F80, 0), (0x2003, 0), (0x2053, 2)];
@@ -156,13 +166,22 @@ fn write_here(
         false => None,
     };
     let bytes = value::bytes(row.data_type, number);
-    match node.write(named.index, named.sub, &bytes) {
-        Err(Fault::Sdo(SdoError::Refused(.., WRONG_STATE))) => {
-            return Err(why_not(node, named));
+    let until = Instant::now() + SETTLING;
+    loop {
+        match node.write(named.index, named.sub, &bytes) {
+            Err(Fault::Sdo(SdoError::Refused(.., WRONG_STATE))) => match why_not(node, named) {
+                CommissionError::NoAngle(.., STARTING | SETTLES) if Instant::now() < until => {}
+                why => return Err(why),
+            },
+            done => break done?,
         }
-        done => done?,
     }
-    read_back(node, named, row, number, before)
+    read_back(node, named, row, number, before).map_err(|error| match error {
+        CommissionError::Fault(fault) => {
+            CommissionError::NotReadBack(fault, node.id, named.name.clone())
+        }
+        error => error,
+    })
 }
 
 /// Why a node does not take this in its present state.

@@ -145,7 +145,9 @@ impl From<SdoError> for UpdateError {
     fn from(error: SdoError) -> Self {
         match error {
             SdoError::Lost(error) => Self::Lost(error),
-            SdoError::Interrupted => Self::Interrupted,
+            SdoError::Interrupted | SdoError::Behind(..) => Self::Interrupted,
+            // The same command finds out what the node has taken.
+            SdoError::Amid(why, ..) => Self::from(*why),
             SdoError::Silent(node, ..) | SdoError::Unanswered(node, ..) => Self::Silent(node),
             SdoError::Refused(node, index, sub, code) => Self::Refused(node, index, sub, code),
             SdoError::Step(node, ..) | SdoError::Length(node, ..) => Self::Transfer(node),

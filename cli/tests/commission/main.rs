@@ -3,6 +3,8 @@
 mod bench;
 #[cfg(unix)]
 mod bitrate;
+#[cfg(unix)]
+mod cut_short;
 #[path = "../program/mod.rs"]
 mod program;
 mod silence;

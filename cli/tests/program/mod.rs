@@ -5,10 +5,18 @@
 
 #![allow(dead_code, reason = "each program with tests uses a part of this")]
 
+pub mod relay;
+
+use std::collections::VecDeque;
 use std::io::{BufRead, BufReader, Write};
 use std::process::{Child, ChildStdout, Command, Output, Stdio};
+use std::sync::Mutex;
+use std::thread;
 
 use tempfile::TempDir;
+
+/// How many cases run at a time: they wait for a bus in real time.
+const ROWS: usize = 8;
 
 /// What a call has come to: exit status, standard output, standard error.
 pub type Said = (Option<i32>, String, String);
@@ -113,4 +121,28 @@ impl Folder {
         std::fs::write(self.0.path().join(name), contents).unwrap();
         self.path(name)
     }
+}
+
+/// True in a long run (`cargo xtask fuzz-long`), which asks for more random cases than any other.
+pub fn is_long() -> bool {
+    let cases = std::env::var("PROPTEST_CASES").ok();
+    cases
+        .and_then(|n| n.parse().ok())
+        .is_some_and(|n: u32| n >= 10_000)
+}
+
+/// Carries all of these cases out, some at a time, and fails with what went wrong in each.
+pub fn each_case<C: Send>(cases: Vec<C>, carry_out: impl Fn(C) -> Option<String> + Sync) {
+    let cases = Mutex::new(VecDeque::from(cases));
+    let row = || -> Vec<String> {
+        let next = || cases.lock().unwrap().pop_front();
+        std::iter::from_fn(next).filter_map(&carry_out).collect()
+    };
+    let wrong: Vec<String> = thread::scope(|scope| {
+        let rows: Vec<_> = (0..ROWS).map(|_| scope.spawn(row)).collect();
+        let rows = rows.into_iter().map(|row| row.join().unwrap());
+        rows.flatten().collect()
+    });
+    let count = wrong.len();
+    assert!(wrong.is_empty(), "{count} cases:\n{}", wrong.join("\n"));
 }

@@ -5,17 +5,14 @@
 //! command then brings both nodes to the new program, and in both calls together the time without a
 //! valid angle has the bound of an update that is not disturbed.
 
-use std::collections::VecDeque;
-use std::io::{Read, Write};
-use std::net::{TcpListener, TcpStream};
-use std::process::{Child, Stdio};
+use std::process::Stdio;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Mutex, PoisonError};
 use std::thread;
 use std::time::Duration;
 
 use super::bench::{Bench, longest_without_an_angle};
-use super::program::{plumb, said};
+use super::program::relay::{Next, Relay};
+use super::program::{each_case, is_long, plumb, said};
 
 /// A frame of the update of one node, in the order in which they come.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -57,9 +54,6 @@ const POINTS: [Point; 10] = [
 
 /// Frames between the request of a download and its middle.
 const MIDDLE: usize = 60;
-
-/// How many cases run at a time: they wait for a bus in real time.
-const ROWS: usize = 8;
 
 /// Where the first call is killed.
 #[derive(Clone, Copy, Debug)]
@@ -144,57 +138,29 @@ impl Watch {
     }
 }
 
-/// A command of socketcand as a frame; `None` for what sends none.
-fn frame(command: &str) -> Option<(u16, Vec<u8>)> {
-    let mut words = command.split_whitespace();
-    words.find(|word| *word == "send")?;
-    let id = u16::from_str_radix(words.next()?, 16).ok()?;
-    let bytes = words.skip(1).map(|byte| u8::from_str_radix(byte, 16).ok());
-    Some((id, bytes.collect::<Option<_>>()?))
-}
-
-/// Passes on what the program sends until its point is reached, and kills it. False where it ended
-/// before.
-fn relay(from: &mut TcpStream, to: &mut TcpStream, case: Case, program: &Mutex<Child>) -> bool {
-    let mut watch = Watch::new(case);
-    let (mut text, mut bytes) = (String::new(), [0; 4096]);
-    while let Ok(count @ 1..) = from.read(&mut bytes) {
-        text += &String::from_utf8_lossy(&bytes[..count]);
-        while let Some(end) = text.find('>') {
-            let command: String = text.drain(..=end).collect();
-            if to.write_all(command.as_bytes()).is_err() {
-                return false;
-            }
-            let sent = frame(command.trim_matches(|c: char| "<> ".contains(c)));
-            if sent.is_some_and(|(id, data)| watch.is_reached(id, &data)) {
-                let mut program = program.lock().unwrap_or_else(PoisonError::into_inner);
-                program.kill().unwrap();
-                program.wait().unwrap();
-                return true;
-            }
-        }
-    }
-    false
-}
-
-/// Runs the update through a relay up to its point; whether it got there.
+/// Runs the update through a relay up to its point, where it is killed; whether it got there.
 fn killed(bench: &Bench, image: &str, case: Case) -> bool {
-    let door = TcpListener::bind("127.0.0.1:0").unwrap();
-    let at = door.local_addr().unwrap().to_string();
-    let program = plumb(&["update", image, "--bus", &at, "--nodes", &order(case)])
-        .stdout(Stdio::null())
-        .stderr(Stdio::null())
-        .spawn()
-        .unwrap();
-    let program = Mutex::new(program);
-    let (mut from, _) = door.accept().unwrap();
-    let mut to = TcpStream::connect(&bench.bus).unwrap();
-    let (mut answers, mut back) = (to.try_clone().unwrap(), from.try_clone().unwrap());
-    thread::scope(|scope| {
-        scope.spawn(|| std::io::copy(&mut answers, &mut back));
-        let reached = relay(&mut from, &mut to, case, &program);
-        let _ = to.shutdown(std::net::Shutdown::Both);
-        reached
+    let relay = Relay::to(&bench.bus);
+    let nodes = order(case);
+    let words = [
+        "update",
+        image,
+        "--bus",
+        &relay.address(),
+        "--nodes",
+        &nodes,
+    ];
+    let mut program = plumb(&words);
+    let quiet = program.stdout(Stdio::null()).stderr(Stdio::null());
+    let mut program = quiet.spawn().unwrap();
+    let mut watch = Watch::new(case);
+    relay.pass(|id, data| {
+        if !watch.is_reached(id, data) {
+            return Next::Goes;
+        }
+        program.kill().unwrap();
+        program.wait().unwrap();
+        Next::Ends
     })
 }
 
@@ -226,30 +192,6 @@ fn carry_out(case: Case) -> Option<String> {
     })
 }
 
-/// Carries all of these out, some at a time, and fails with what went wrong in each.
-fn carry_out_all(cases: impl IntoIterator<Item = Case>) {
-    let cases = Mutex::new(VecDeque::from_iter(cases));
-    let row = || -> Vec<String> {
-        let next = || cases.lock().unwrap().pop_front();
-        std::iter::from_fn(next).filter_map(carry_out).collect()
-    };
-    let wrong: Vec<String> = thread::scope(|scope| {
-        let rows: Vec<_> = (0..ROWS).map(|_| scope.spawn(row)).collect();
-        rows.into_iter()
-            .flat_map(|row| row.join().unwrap())
-            .collect()
-    });
-    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
-}
-
-/// True in a long run (`cargo xtask fuzz-long`), which asks for more random cases than any other.
-fn is_long() -> bool {
-    let cases = std::env::var("PROPTEST_CASES").ok();
-    cases
-        .and_then(|n| n.parse().ok())
-        .is_some_and(|n: u32| n >= 10_000)
-}
-
 /// A long run tries every case; any other one of each kind: a node that leaves, one amid its
 /// download, one that restarts, one that comes back, in both orders and at both nodes.
 #[test]
@@ -265,5 +207,8 @@ fn an_update_killed_at_any_point_is_brought_to_its_end() {
         which,
         point,
     });
-    carry_out_all(if is_long() { Case::all() } else { few.to_vec() });
+    each_case(
+        if is_long() { Case::all() } else { few.to_vec() },
+        carry_out,
+    );
 }

@@ -58,6 +58,8 @@ enum Link {
 pub struct Bus {
     link: Link,
     name: String,
+    /// Why the connection is closed, once it is: it takes a frame all the same.
+    closed: Option<(io::ErrorKind, String)>,
 }
 
 impl Bus {
@@ -82,7 +84,8 @@ impl Bus {
             }
             Address::Kernel { interface } => join_kernel(interface)?,
         };
-        Ok(Self { link, name })
+        let closed = None;
+        Ok(Self { link, name, closed })
     }
 
     /// How the bus is named in an error or a report.
@@ -95,6 +98,9 @@ impl Bus {
     /// Errors: the bus is lost; the error says what is. Remote frames cannot pass socketcand,
     /// which is [`io::ErrorKind::Unsupported`].
     pub fn send(&mut self, frame: &Frame) -> io::Result<()> {
+        if let Some((kind, sentence)) = &self.closed {
+            return Err(io::Error::new(*kind, sentence.clone()));
+        }
         let sent = match &mut self.link {
             Link::Socketcand(server) => server.send(frame),
             Link::Slcan(adapter) => adapter.send(frame),
@@ -157,7 +163,7 @@ impl Bus {
     }
 
     /// Says of which bus an error is, and what its number means for who looks at a cable.
-    fn lost(&self, error: io::Error) -> io::Error {
+    fn lost(&mut self, error: io::Error) -> io::Error {
         use io::ErrorKind::{BrokenPipe, ConnectionAborted, ConnectionReset, UnexpectedEof};
         let kind = error.kind();
         if matches!(
@@ -178,6 +184,9 @@ impl Bus {
             (_, true) => format!("{name}: the server has closed the connection"),
             _ => format!("{name}: {error}"),
         };
+        if gone {
+            self.closed = Some((kind, sentence.clone()));
+        }
         io::Error::new(kind, sentence)
     }
 }

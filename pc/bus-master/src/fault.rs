@@ -9,6 +9,7 @@ use std::io;
 
 use crate::diagnosis::{self, Silence};
 use crate::lss::LssError;
+use crate::nmt::Command;
 use crate::sdo::SdoError;
 use crate::{Bus, JoinError};
 
@@ -30,6 +31,15 @@ pub enum Fault {
     /// A write was not answered, and why.
     #[error("{0}; {1}")]
     Unanswered(SdoError, Silence),
+    /// A node was taken to PRE-OPERATIONAL and could not be returned: why it ended, the node, the
+    /// command that returns it.
+    #[error(
+        "{0}; node {1} is left in PRE-OPERATIONAL: return it to {a} by NMT (frame 000h {b:02X} \
+         {1:02X}, as `cansend can0 000#{b:02X}{1:02X}`)",
+        a = where_to(*.2),
+        b = *.2 as u8
+    )]
+    Left(String, u8, Command),
     /// A node has refused, or the transfer failed.
     #[error("{0}")]
     Sdo(SdoError),
@@ -66,6 +76,14 @@ impl Fault {
     /// Nobody at all answers.
     pub fn nobody(bus: &mut Bus) -> Self {
         diagnosis::silence(bus, None).map_or_else(Self::bus, Self::Silent)
+    }
+}
+
+/// The state to which a command takes a node.
+const fn where_to(command: Command) -> &'static str {
+    match command {
+        Command::Stop => "STOPPED",
+        _ => "OPERATIONAL",
     }
 }
 

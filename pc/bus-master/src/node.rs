@@ -7,6 +7,7 @@
 //! Left out: which nodes and which objects.
 
 use std::collections::BTreeMap;
+use std::fmt::Display;
 use std::io;
 use std::time::Duration;
 
@@ -163,9 +164,9 @@ impl<'a> Node<'a> {
     /// OPERATIONAL or STOPPED, also when it failed. In STOPPED no node answers SDO: where it may
     /// not be brought out of it, the work says so.
     ///
-    /// Errors: `Err(None)` when the node is OPERATIONAL and may not be stopped, and those of
-    /// `work`.
-    pub fn set_up<T, E: From<Fault>>(
+    /// Errors: `Err(None)` when the node is OPERATIONAL and may not be stopped, those of `work`,
+    /// and [`Fault::Left`].
+    pub fn set_up<T, E: From<Fault> + Display>(
         &mut self,
         may_stop: bool,
         work: impl FnOnce(&mut Self) -> Result<T, E>,
@@ -176,29 +177,33 @@ impl<'a> Node<'a> {
             // It sends no heartbeat, or is not there: then nothing is written.
             self.number(0x1000, 0).map_err(fault)?;
         }
-        match state {
-            Some(Ok(State::Operational)) if may_stop => self.apart(Command::Start, work),
-            Some(Ok(State::Operational)) => Err(None),
+        let done = match state {
+            Some(Ok(State::Operational)) if !may_stop => return Err(None),
+            Some(Ok(State::Operational)) => self.apart(Command::Start, work),
             Some(Ok(State::Stopped)) if may_stop => self.apart(Command::Stop, work),
-            _ => work(self).map_err(Some),
-        }
+            _ => work(self),
+        };
+        done.map_err(Some)
     }
 
-    /// Does something in PRE-OPERATIONAL; `back` returns to where the node was.
-    fn apart<T, E: From<Fault>>(
+    /// Does something in PRE-OPERATIONAL; `back` returns to the state in which the node was.
+    fn apart<T, E: From<Fault> + Display>(
         &mut self,
         back: Command,
         work: impl FnOnce(&mut Self) -> Result<T, E>,
-    ) -> Result<T, Option<E>> {
-        let fault = |fault| Some(E::from(fault));
-        self.command(Command::EnterPreOperational).map_err(fault)?;
-        let stopped = nmt::wait_for(self.bus, self.id, State::PreOperational, CHANGE);
-        let done = match stopped {
-            Ok(_) => work(self).map_err(Some),
-            Err(error) => Err(fault(Fault::bus(error))),
+    ) -> Result<T, E> {
+        self.command(Command::EnterPreOperational)?;
+        let done = match nmt::wait_for(self.bus, self.id, State::PreOperational, CHANGE) {
+            Ok(_) => work(self),
+            Err(error) => Err(Fault::bus(error).into()),
         };
-        // What went wrong before says more than what may go wrong now.
-        let back = self.command(back).map_err(fault);
-        done.and_then(|done| back.map(|()| done))
+        let Err(lost) = self.command(back) else {
+            return done;
+        };
+        // What went wrong before says more than what goes wrong now.
+        let why = done
+            .err()
+            .map_or(lost.to_string(), |error| error.to_string());
+        Err(Fault::Left(why, self.id, back).into())
     }
 }

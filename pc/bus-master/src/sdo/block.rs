@@ -36,9 +36,19 @@ impl Client<'_> {
         index: u16,
         sub: u8,
         bytes: &[u8],
-        mut sent: impl FnMut(u64),
+        sent: impl FnMut(u64),
     ) -> Result<(), SdoError> {
         let at = At { index, sub };
+        self.several(at, |client| client.send_blocks(at, bytes, sent))
+    }
+
+    /// All blocks of a download, and their end.
+    fn send_blocks(
+        &mut self,
+        at: At,
+        bytes: &[u8],
+        mut sent: impl FnMut(u64),
+    ) -> Result<(), SdoError> {
         let request = at.request(0xC6, bytes.len() as u32);
         let [_, _, _, _, mut block, ..] = self.begin_download(request, Wanted::BLOCKS)?;
         let (mut done, mut tries) = (0, 0);
@@ -56,7 +66,9 @@ impl Client<'_> {
         let unused = (7 - bytes.len() % 7) % 7;
         let [sum_low, sum_high] = crc::update(0, bytes).to_le_bytes();
         self.send([0xC1 | (unused as u8) << 2, sum_low, sum_high, 0, 0, 0, 0, 0])?;
-        self.next(at, PATIENCE, |bytes| bytes[0] == 0xA1).map(drop)
+        self.taken(at, |client| {
+            client.next(at, PATIENCE, |bytes| bytes[0] == 0xA1)
+        })
     }
 
     /// One block of at most `block` segments: how many have arrived, and how many the next one may

@@ -23,6 +23,18 @@ pub enum SdoError {
         a = address(*.1, *.2)
     )]
     Unanswered(u8, u16, u8),
+    /// It ended for this reason when a write had been sent and was not answered: node, index,
+    /// sub-index.
+    #[error(
+        "{0}; node {1} has not answered the write of {a}: whether it counts is not known, so read \
+         it back before you write again",
+        a = address(*.2, *.3)
+    )]
+    Amid(Box<Self>, u8, u16, u8),
+    /// The user has ended it when a write had been sent, which the node has taken: node, index,
+    /// sub-index.
+    #[error("interrupted; node {0} has taken the write of {a}", a = address(*.1, *.2))]
+    Behind(u8, u16, u8),
     /// The node has refused: node, index, sub-index, abort code.
     #[error(
         "node {0} refuses {a}: {b} (abort code {c})",

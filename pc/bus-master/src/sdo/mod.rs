@@ -4,7 +4,9 @@
 //! when no answer comes, and answers that come late are not taken for those to later questions. A
 //! write is never sent again, since the node may have taken it, unless the caller says that it may
 //! come twice; but the request that begins a transfer of several frames writes nothing, and is sent
-//! again. What was lost of a block is sent again from where the receiver has it.
+//! again. What was lost of a block is sent again from where the receiver has it. A user who
+//! interrupts a write learns whether the node has taken it, and a transfer of several frames is
+//! aborted.
 //!
 //! Two clients on one node's channel disturb each other. What can be told is told: requests of
 //! somebody else that pass on the bus while an answer is waited for.
@@ -159,16 +161,19 @@ impl<'a> Client<'a> {
         }
     }
 
-    /// Writes the object, once: a write that was not answered is [`SdoError::Unanswered`].
+    /// Writes the object, once: a write that was not answered is [`SdoError::Unanswered`], one that
+    /// the user has interrupted [`SdoError::Behind`] or [`SdoError::Amid`].
     ///
     /// Errors: see [`SdoError`].
     pub fn download(&mut self, index: u16, sub: u8, bytes: &[u8]) -> Result<(), SdoError> {
         let at = At { index, sub };
         match bytes.len() {
             1..=4 => self.write_once(at, expedited(at, bytes)),
-            ..=BLOCK_FROM => self.download_segments(at, bytes),
+            ..=BLOCK_FROM => self.several(at, |client| client.download_segments(at, bytes)),
             _ => match self.download_blocks(index, sub, bytes, |_| {}) {
-                Err(SdoError::Refused(.., INVALID_COMMAND)) => self.download_segments(at, bytes),
+                Err(SdoError::Refused(.., INVALID_COMMAND)) => {
+                    self.several(at, |client| client.download_segments(at, bytes))
+                }
                 ended => ended,
             },
         }
@@ -297,7 +302,7 @@ impl<'a> Client<'a> {
         self.other = None;
         self.send(request)?;
         let fits = |bytes: &[u8; 8]| Wanted::DOWNLOAD.fits(&request, bytes);
-        let answered = self.answer(PATIENCE, at, fits);
+        let answered = self.taken(at, |client| client.answer(PATIENCE, at, fits));
         match answered {
             Err(SdoError::Silent(node, index, sub)) => match self.other {
                 Some(_) => Err(SdoError::Taken(node)),
@@ -305,8 +310,42 @@ impl<'a> Client<'a> {
             },
             // Somebody else has written the same object: whose answer this is can't be told.
             _ if self.other == Some(at) => Err(SdoError::Taken(self.node)),
+            answered => answered,
+        }
+    }
+
+    /// Waits for the answer to the last frame of a write. An interrupt does not end that: the node
+    /// may have taken the write, and its answer shows whether it has.
+    fn taken(
+        &mut self,
+        At { index, sub }: At,
+        wait: impl Fn(&mut Self) -> Result<[u8; 8], SdoError>,
+    ) -> Result<(), SdoError> {
+        let node = self.node;
+        let amid = |why| Err(SdoError::Amid(Box::new(why), node, index, sub));
+        match wait(self) {
+            Err(SdoError::Interrupted) => match wait(self) {
+                Ok(_) => Err(SdoError::Behind(node, index, sub)),
+                Err(SdoError::Refused(..)) => Err(SdoError::Interrupted),
+                Err(lost @ SdoError::Lost(_)) => amid(lost),
+                Err(_) => amid(SdoError::Interrupted),
+            },
+            Err(lost @ SdoError::Lost(_)) => amid(lost),
             answered => answered.map(drop),
         }
+    }
+
+    /// Does a transfer of several frames; the node learns of an interrupt, since no more comes.
+    fn several(
+        &mut self,
+        at: At,
+        transfer: impl FnOnce(&mut Self) -> Result<(), SdoError>,
+    ) -> Result<(), SdoError> {
+        let done = transfer(self);
+        if let Err(SdoError::Interrupted) = done {
+            self.send(at.request(ABORT, TIMED_OUT))?;
+        }
+        done
     }
 
     fn judge(&self, bytes: [u8; 8]) -> Result<[u8; 8], SdoError> {

@@ -60,11 +60,21 @@ impl Client<'_> {
             segment[0] = toggle | unused << 1 | u8::from(number == last);
             segment[1..=piece.len()].copy_from_slice(piece);
             self.send(segment)?;
-            let [command, ..] = self.next(at, PATIENCE, |bytes| bytes[0] & 0xE0 == 0x20)?;
-            if command & 0x10 != toggle {
-                return self.out_of_step(at, TOGGLE, "the toggle bit did not alternate");
+            let answer = |client: &mut Self| client.segment_answered(at, toggle);
+            match number == last {
+                true => self.taken(at, answer)?,
+                false => answer(self).map(drop)?,
             }
         }
         Ok(())
+    }
+
+    /// The answer to a segment that went down.
+    fn segment_answered(&mut self, at: At, toggle: u8) -> Result<[u8; 8], SdoError> {
+        let bytes = self.next(at, PATIENCE, |bytes| bytes[0] & 0xE0 == 0x20)?;
+        match bytes[0] & 0x10 == toggle {
+            true => Ok(bytes),
+            false => self.out_of_step(at, TOGGLE, "the toggle bit did not alternate"),
+        }
     }
 }
