@@ -7,5 +7,6 @@ mod characterise;
 mod parts;
 #[path = "../program/mod.rs"]
 mod program;
+mod restore;
 mod stand;
 mod temperature;

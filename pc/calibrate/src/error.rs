@@ -139,6 +139,13 @@ pub enum CalibrateError {
         a = joined(.1)
     )]
     Left(Box<CalibrateError>, Vec<u8>),
+    /// Something else while a file was restored, and the nodes that could not be given back what
+    /// they had.
+    #[error(
+        "{0}; {a} could not be given back what was found: run the same command again",
+        a = joined(.1)
+    )]
+    LeftByRestore(Box<CalibrateError>, Vec<u8>),
     /// Something else, and the nodes that had nothing to be given back.
     #[error(
         "{0}; {a} had no calibration before: what this run stored stays until the next one",
@@ -226,7 +233,9 @@ fn joined(nodes: &[u8]) -> String {
 impl From<SdoError> for CalibrateError {
     fn from(error: SdoError) -> Self {
         match error {
-            SdoError::Interrupted => Self::Interrupted,
+            // The nodes are given back what they had, whether one has taken the write or not.
+            SdoError::Interrupted | SdoError::Behind(..) => Self::Interrupted,
+            SdoError::Amid(why, ..) => Self::from(*why),
             SdoError::Lost(error) => Self::Lost(error),
             error => Self::Sdo(error),
         }

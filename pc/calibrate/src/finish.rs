@@ -171,7 +171,7 @@ impl Common {
         match (done, left.is_empty()) {
             (Ok(()), _) => self.print_kept(&written, "restored"),
             (Err(error), true) => Err(error),
-            (Err(error), false) => Err(CalibrateError::Left(Box::new(error), left)),
+            (Err(error), false) => Err(CalibrateError::LeftByRestore(Box::new(error), left)),
         }
     }
 

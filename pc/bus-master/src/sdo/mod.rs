@@ -1,12 +1,12 @@
 //! An SDO client: expedited, segmented and block transfer, both ways (CiA 301, 7.2.4).
 //!
 //! In: requests for one node. Out: its answers, or why there are none. A question is asked again
-//! when no answer comes, and answers that come late are not taken for those to later questions. A
-//! write is never sent again, since the node may have taken it, unless the caller says that it may
-//! come twice; but the request that begins a transfer of several frames writes nothing, and is sent
-//! again. What was lost of a block is sent again from where the receiver has it. A user who
-//! interrupts a write learns whether the node has taken it, and a transfer of several frames is
-//! aborted.
+//! when no answer comes, the last time behind an abort of what another client may have left, and
+//! answers that come late are not taken for those to later questions. A write is never sent again,
+//! since the node may have taken it, unless the caller says that it may come twice; but the request
+//! that begins a transfer of several frames writes nothing, and is sent again. What was lost of a
+//! block is sent again from where the receiver has it. A user who interrupts a write learns whether
+//! the node has taken it, and a transfer of several frames is aborted.
 //!
 //! Two clients on one node's channel disturb each other. What can be told is told: requests of
 //! somebody else that pass on the bus while an answer is waited for.
@@ -259,6 +259,11 @@ impl<'a> Client<'a> {
         let fits = |bytes: &[u8; 8]| wanted.fits(&request, bytes);
         self.other = None;
         for late in 0..self.attempts {
+            // A block download that a client has left takes each request for a segment of its own,
+            // and goes on for as long as there are any.
+            if late > 0 && late + 1 == self.attempts && self.other.is_none() {
+                self.send(at.request(ABORT, TIMED_OUT))?;
+            }
             self.send(request)?;
             match self.answer(SOON, at, fits) {
                 Err(SdoError::Silent(..)) => {}
