@@ -212,6 +212,31 @@ def test_what_is_gone_still_counts_and_what_was_moved_counts_once(tmp_path: path
     assert not after.notes and "m2/2026-11-20.log" not in lines(out)
 
 
+def test_figures_of_other_nodes_stayed_when_a_run_was_repeated_with_new_nodes(
+    tmp_path: pathlib.Path,
+) -> None:
+    root, out = tree(tmp_path / "logs", 2, 2), tmp_path / "out"
+    run(root, out)
+    for nodes in ([7, 9], []):
+        run(root, out, nodes=nodes)
+        run(root, tmp_path / f"fresh {nodes}", nodes=nodes)
+        assert results(out) == results(tmp_path / f"fresh {nodes}")
+    assert results(tmp_path / "fresh []") != results(tmp_path / "fresh [7, 9]")
+
+
+def test_a_log_that_was_gone_was_forgotten_silently_when_other_nodes_were_given(
+    tmp_path: pathlib.Path,
+) -> None:
+    root, out = tree(tmp_path / "logs", 1, 3), tmp_path / "out"
+    run(root, out)
+    gone = root / "m1/2026-11-20.log"
+    gone.unlink()
+    (root / "m1/2026-11-21.log").rename(root / "m1/2026-11-21 moved.log")
+    outcome = run(root, out, nodes=[7, 9])
+    sentence = f"{gone} is gone, and was read with other --nodes or --eds: it no longer counts"
+    assert outcome.failed == {str(gone): sentence} and outcome.logs == 2
+
+
 def test_a_copy_on_another_machine_is_listed_and_counts_once(tmp_path: pathlib.Path) -> None:
     for name in ("m1", "m2"):
         put(tmp_path / "logs" / name / "2026-11-20.log", text("2026-11-20"))

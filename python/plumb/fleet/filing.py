@@ -56,7 +56,7 @@ def filed(
     is gone and has a twin needs no line.
     """
     log, read = entry.log, entry.read
-    if twin is not None and read.error is None:
+    if twin is not None and (read.error is None or entry.gone):
         why = f"has the same content as {twin}: counted once"
         return None if entry.gone else _line(entry, key, None, "duplicate", why), None
     day, said = _day(log, read)

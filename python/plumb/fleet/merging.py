@@ -41,13 +41,16 @@ Job = tuple[work.Day, int]
 """A merge, and what it counts for in a group."""
 
 
-def merge(place: Place, scratch: Scratch, store: Store, progress: Progress) -> str | None:
-    """Writes each day whose logs are others than before, and removes days without a log.
+def merge(
+    place: Place, scratch: Scratch, key: str, store: Store, progress: Progress
+) -> str | None:
+    """Writes each day whose logs are others than before, or were read otherwise, and removes days
+    without a log. `key` stands for how the logs were read.
 
     Where summaries are damaged, their days are left as they are, and the contents are in `scratch`;
     the sentence on one of them is returned, and None where all was written.
     """
-    digests = {day: digest(scratch.parts(day)) for day in scratch.days()}
+    digests = {day: digest(key, scratch.parts(day)) for day in scratch.days()}
     for day in set(store.days()) - set(digests):
         store.drop_day(day)
     changed = {day: own for day, own in digests.items() if store.digest(day) != own}
@@ -59,10 +62,10 @@ def merge(place: Place, scratch: Scratch, store: Store, progress: Progress) -> s
     return merger.damage
 
 
-def digest(parts: Iterable[Part]) -> str:
-    """Stands for all that a day is made of: the SHA-256 of the JSON of the columns and of each
-    machine with contents and names of its logs, which are in their order."""
-    known = hashlib.sha256(f"[{json.dumps(SCHEMA.to_string())}, [".encode())
+def digest(key: str, parts: Iterable[Part]) -> str:
+    """Stands for all that a day is made of: the SHA-256 of the JSON of the columns, of how the logs
+    were read, and of each machine with contents and names of its logs, which are in their order."""
+    known = hashlib.sha256(f"[{json.dumps(SCHEMA.to_string())}, {json.dumps(key)}, [".encode())
     before = ""
     for machine, own in itertools.groupby(parts, key=lambda part: part.machine):
         texts = (json.dumps([part.blake3, part.name]) for part in own)

@@ -11,6 +11,7 @@ Left out: each step (`layout`, `work`, `filing`, `merging`, `store`, `page`).
 
 from __future__ import annotations
 
+import dataclasses
 import os
 import pathlib
 from collections.abc import Iterable
@@ -22,13 +23,18 @@ from . import filing, layout, page, schedulers, scratch, work
 from .errors import FleetError
 from .merging import Progress, merge
 from .scratch import Scratch
-from .store import Store, owned, refuse_other_kinds
+from .store import Line, Store, owned, refuse_other_kinds
 from .visits import Rules
 
 LOST = work.Read(
     None, False, error=f"{work.HERE} is gone, and its summary is damaged: it no longer counts"
 )
 """What is left of such a log."""
+
+OTHERWISE = (
+    f"{work.HERE} is gone, and was read with other --nodes or --eds: it no longer counts"
+)
+"""The sentence on such a log."""
 
 
 @dataclass(frozen=True)
@@ -110,8 +116,19 @@ def _recall(known: Scratch, store: Store, how: work.How) -> None:
             known.add_todo(log)
         else:
             known.add_entry(filing.Entry(log, read))
-    for line in known.gone(how.key):
-        known.add_entry(filing.left_over(line, store.get(line.blake3) or LOST))
+    for line in known.gone():
+        known.add_entry(filing.left_over(line, _kept(store, line, how)))
+
+
+def _kept(store: Store, line: Line, how: work.How) -> work.Read:
+    """What a log that is gone has come to.
+
+    It has its content also where it no longer counts: another log may have the same one.
+    """
+    if read := store.get(line.blake3):
+        return read
+    lost = LOST if line.key == how.key else work.Read(None, False, error=OTHERWISE)
+    return dataclasses.replace(lost, blake3=line.blake3)
 
 
 def _count(
@@ -123,12 +140,12 @@ def _count(
     """
     count = _read(place, known, how, store, progress)
     _file(known, how)
-    if merge(place, known, store, progress) is None:
+    if merge(place, known, how.key, store, progress) is None:
         return count
     known.read_damaged_again(LOST)
     count += _read(place, known, how, store, progress)
     _file(known, how)
-    if damage := merge(place, known, store, progress):
+    if damage := merge(place, known, how.key, store, progress):
         raise FleetError(damage)
     return count
 

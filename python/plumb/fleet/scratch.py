@@ -197,12 +197,12 @@ class Scratch:
         for *log, blake3 in self._base.execute(text, (key,)):
             yield _log(log), blake3
 
-    def gone(self, key: str) -> Iterator[Line]:
+    def gone(self) -> Iterator[Line]:
         """Lines of the last run that counted, and whose logs are no longer there."""
-        text = f"""select {", ".join(BEFORE)} from before where day is not null and key = ?
+        text = f"""select {", ".join(BEFORE)} from before where day is not null
             and log not in (select url from logs) and log not in (select url from strays)
             order by log"""
-        for row in self._base.execute(text, (key,)):
+        for row in self._base.execute(text):
             yield Line(**dict(zip(BEFORE, row)))
 
     # What there is to read, and what it came to.
