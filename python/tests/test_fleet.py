@@ -103,8 +103,14 @@ def happen(draw: random.Random, root: pathlib.Path, step: int) -> None:
     machine = draw.choice(["m1", "m 2", "mä'3%"])
     where = root / machine / f"{day}-{step}.log"
     age_s = 1000.0 - step
-    what = draw.choice(["new", "new", "append", "copy", "move", "cut", "zip", "junk", "jump"])
+    what = draw.choice(
+        ["new", "new", "append", "copy", "move", "cut", "zip", "pack", "pack", "junk", "jump"]
+    )
     some = draw.choice(there) if there else None
+    # What changes between two runs and is compressed then is gone, as it was, and another log.
+    is_packed = some is not None and some.suffix == ".gz"
+    if (what == "pack" and (is_packed or step % 3)) or (what == "append" and is_packed):
+        what = "new"
     if what == "new" or some is None:
         put(where, text(day, draw.randint(1, 3), hour=draw.randint(0, 23)), age_s)
     elif what == "append":
@@ -118,13 +124,16 @@ def happen(draw: random.Random, root: pathlib.Path, step: int) -> None:
         put(where, text(day, 2, hour=step % 24)[: 20_000 - 7 * step], age_s)
     elif what == "zip":
         put(where, gzip.compress(text(day, 3, hour=step % 24).encode(), mtime=0), age_s)
+    elif what == "pack":
+        put(some.with_name(f"{some.name}.gz"), gzip.compress(some.read_bytes(), mtime=0), age_s)
+        some.unlink()
     elif what == "junk":
         put(where, draw.choice([b"", b"no log\n" * 30, bytes(range(256)) * 9]), age_s)
     else:
         put(where, text("2031-01-05", 1, hour=step % 24), age_s)
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(5))
 def test_whatever_happens_to_the_tree_the_result_is_that_of_its_contents(
     seed: int, tmp_path: pathlib.Path
 ) -> None:
@@ -235,6 +244,55 @@ def test_a_log_that_was_gone_was_forgotten_silently_when_other_nodes_were_given(
     outcome = run(root, out, nodes=[7, 9])
     sentence = f"{gone} is gone, and was read with other --nodes or --eds: it no longer counts"
     assert outcome.failed == {str(gone): sentence} and outcome.logs == 2
+
+
+@pytest.mark.parametrize("nodes", [[], [7, 9]])
+def test_a_log_that_was_compressed_in_place_counted_twice(
+    nodes: list[int], tmp_path: pathlib.Path
+) -> None:
+    root, out = tree(tmp_path / "logs", 1, 3), tmp_path / "out"
+    before = run(root, out)
+    for name in ("2026-11-20.log", "2026-11-21.log"):
+        log = root / "m1" / name
+        put(root / "m1" / f"{name}.gz", gzip.compress(log.read_bytes(), mtime=0))
+        log.unlink()
+    outcome = run(root, out, nodes=nodes)
+    assert (outcome.logs, outcome.frames, outcome.failed) == (before.logs, before.frames, {})
+    assert sorted(lines(out)) == [f"m1/2026-11-2{n}" for n in ("0.log.gz", "1.log.gz", "2.log")]
+    run(root, tmp_path / "fresh", nodes=nodes)
+    assert results(out) == results(tmp_path / "fresh")
+    # The archive takes the compressed log, too, and the log comes back as it was.
+    (root / "m1/2026-11-20.log.gz").unlink()
+    put(root / "m1/2026-11-20 again.log", text("2026-11-20"))
+    again = run(root, out, nodes=nodes)
+    assert (again.logs, again.frames, again.failed) == (before.logs, before.frames, {})
+
+
+def test_a_folder_in_which_a_compressed_log_counted_twice_is_put_right(
+    tmp_path: pathlib.Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    root, out = tree(tmp_path / "logs", 1, 2), tmp_path / "out"
+    before = run(root, out)
+    log = root / "m1/2026-11-20.log"
+    put(root / "m1/2026-11-20.log.gz", gzip.compress(log.read_bytes(), mtime=0))
+    log.unlink()
+    monkeypatch.setattr(work, "contents", lambda logs: [None for _ in logs])
+    assert run(root, out).frames > before.frames
+    monkeypatch.undo()
+    outcome = run(root, out)
+    assert (outcome.read, outcome.logs, outcome.frames) == (0, before.logs, before.frames)
+
+
+def test_logs_with_frames_of_the_same_time_and_other_contents_count_each(
+    tmp_path: pathlib.Path,
+) -> None:
+    for machine, data in (("m1", b"00"), ("m2", b"01"), ("m3", b"02")):
+        content = b"(1795168800.000000) can0 123#%s\n" % data * 3
+        packed = gzip.compress(content, mtime=0)
+        cut = packed[:-5] if machine == "m3" else packed
+        put(tmp_path / "logs" / machine / "2026-11-20.log", content if machine == "m1" else cut)
+    outcome = run(tmp_path / "logs", tmp_path / "out")
+    assert (outcome.machines, outcome.logs) == (3, 3)
 
 
 def test_a_copy_on_another_machine_is_listed_and_counts_once(tmp_path: pathlib.Path) -> None:

@@ -127,8 +127,10 @@ def _kept(store: Store, line: Line, how: work.How) -> work.Read:
     """
     if read := store.get(line.blake3):
         return read
-    lost = LOST if line.key == how.key else work.Read(None, False, error=OTHERWISE)
-    return dataclasses.replace(lost, blake3=line.blake3)
+    if line.key == how.key:
+        return dataclasses.replace(LOST, blake3=line.blake3)
+    read = store.get(line.blake3, line.key) or LOST
+    return dataclasses.replace(read, blake3=line.blake3, error=OTHERWISE, incomplete=None)
 
 
 def _count(
@@ -139,11 +141,13 @@ def _count(
     A summary of an earlier run that turns out to be damaged is made again.
     """
     count = _read(place, known, how, store, progress)
+    _look_into(place, known, store)
     _file(known, how)
     if merge(place, known, how.key, store, progress) is None:
         return count
     known.read_damaged_again(LOST)
     count += _read(place, known, how, store, progress)
+    _look_into(place, known, store)
     _file(known, how)
     if damage := merge(place, known, how.key, store, progress):
         raise FleetError(damage)
@@ -210,8 +214,8 @@ def _read(
         if isinstance(outcome, Exception):
             sentence = f"{work.HERE} can't be read: {outcome}"
             outcome = [work.Read(None, False, error=sentence) for log in group]
-        for log, result in zip(group, outcome):
-            store.put(result)
+        for log, found in zip(group, outcome):
+            result = store.put(found)
             store.note(log, result, how.key)
             known.add_entry(filing.Entry(log, result))
         read += len(group)
@@ -219,6 +223,23 @@ def _read(
         progress("reading", read, count, done, total)
     known.end_todo()
     return read
+
+
+def _look_into(place: schedulers.Place, known: Scratch, store: Store) -> None:
+    """Finds which files have the same content, since one is the other one compressed.
+
+    What could not be looked into counts for itself, and is looked into by the next run.
+    """
+    known.add_alike()
+    jobs = ((one, one[0].size) for one in known.alike())
+    for group, outcome in place.map(work.contents, jobs):
+        if isinstance(outcome, Exception):
+            continue
+        for (_, blake3), content in zip(group, outcome):
+            if content is not None:
+                known.add_content(blake3, content)
+                store.put_content(blake3, content)
+    known.end_todo()
 
 
 def _file(known: Scratch, how: work.How) -> None:
@@ -229,11 +250,11 @@ def _file(known: Scratch, how: work.How) -> None:
     known.clear_lines()
     known.add_stray_lines(how.key)
     for entry, note in known.entries():
-        line, part = filing.filed(entry, note, known.twin(entry.read.blake3), how.key)
+        line, part = filing.filed(entry, note, known.twin(entry.read), how.key)
         if line is not None:
             known.add_line(line)
         if part is not None:
-            known.add_part(part, entry.log.url)
+            known.add_part(part, entry)
     if known.machine_count() == 0:
         raise _nothing(known)
 

@@ -39,13 +39,14 @@ create table before (log text primary key, machine, day, size, blake3, stamp, pa
 create table known (log text primary key, stamp, size, key, blake3) without rowid;
 create table todo (url text primary key) without rowid;
 create table entries (url text primary key, machine, day, size, stamp, local, gone,
-    blake3, settled, frames, first_ns, last_ns, incomplete, error) without rowid;
-create index contents on entries (blake3);
+    blake3, settled, frames, first_ns, last_ns, incomplete, error, content) without rowid;
+create index files on entries (blake3);
+create index spans on entries (frames, first_ns, last_ns);
 create table lines (log text, key, status, sentence, machine, day, frames, size, blake3, stamp,
     path_day);
-create table parts (day text, machine text, blake3 text, name text, url,
+create table parts (day text, machine text, blake3 text, name text, content text, url,
     primary key (day, machine, blake3)) without rowid;
-create unique index once on parts (blake3);
+create unique index once on parts (content);
 create table pieces (day text, machine text, level, summary);
 create index piece on pieces (day, machine, level);
 create table damaged (blake3 text primary key) without rowid;
@@ -232,7 +233,7 @@ class Scratch:
         # Times may be greater than SQLite's integers.
         times = [None if ns is None else str(ns) for ns in (read.first_ns, read.last_ns)]
         row = (*_row(log), entry.gone, read.blake3, read.settled, read.frames)
-        row += (*times, read.incomplete, read.error)
+        row += (*times, read.incomplete, read.error, read.content)
         marks = ", ".join("?" * len(row))
         self._base.execute(f"insert or replace into entries values ({marks})", row)
 
@@ -247,6 +248,32 @@ class Scratch:
         """How many there are."""
         count: int = self._one("select count(*) from entries")
         return count
+
+    # Which files have the same content though they are others.
+
+    def add_alike(self) -> None:
+        """Enters that there are logs to look into: those with as many frames of the same time as
+        another file, which one of both may be when it is compressed."""
+        self._base.execute(
+            """insert into todo select min(url) from entries as own
+            where not gone and blake3 <> '' and error is null and content is null and frames > 0
+            and exists (select 1 from entries as other where other.frames = own.frames
+                and other.first_ns is own.first_ns and other.last_ns is own.last_ns
+                and other.blake3 <> own.blake3)
+            group by blake3"""
+        )
+
+    def alike(self) -> Iterator[tuple[Log, str]]:
+        """They, with the hash of each file."""
+        text = """select logs.*, blake3 from todo cross join logs using (url)
+            cross join entries using (url) order by url"""
+        for *log, blake3 in self._base.execute(text):
+            yield _log(log), blake3
+
+    def add_content(self, blake3: str, content: str) -> None:
+        """Enters what is in the logs whose files have this hash."""
+        text = "update entries set content = ? where blake3 = ?"
+        self._base.execute(text, (content, blake3))
 
     # What is damaged.
 
@@ -287,14 +314,16 @@ class Scratch:
         marks = ", ".join("?" * len(LINE))
         self._base.execute(f"insert into lines values ({marks})", row)
 
-    def add_part(self, part: Part, url: str) -> None:
-        """Enters a log of a machine's day; `url` is where it is."""
-        row = (part.day, part.machine, part.blake3, part.name, url)
-        self._base.execute("insert into parts values (?, ?, ?, ?, ?)", row)
+    def add_part(self, part: Part, entry: Entry) -> None:
+        """Enters a log of a machine's day, with what it has come to."""
+        row = (part.day, part.machine, part.blake3, part.name)
+        row += (entry.read.content or part.blake3, entry.log.url)
+        self._base.execute("insert into parts values (?, ?, ?, ?, ?, ?)", row)
 
-    def twin(self, blake3: str | None) -> str | None:
-        """The log of this content that counts."""
-        found: str | None = self._one("select url from parts where blake3 = ?", blake3)
+    def twin(self, read: Read) -> str | None:
+        """The log of the same content that counts."""
+        text = "select url from parts where content = ?"
+        found: str | None = self._one(text, read.content or read.blake3)
         return found
 
     def lines(self, *statuses: str) -> Iterator[Line]:
@@ -390,7 +419,7 @@ def _log(row: Iterable[Any]) -> Log:
 
 
 def _entry(row: tuple[Any, ...]) -> Entry:
-    gone, blake3, settled, frames, first, last, incomplete, error = row[6:]
+    gone, blake3, settled, frames, first, last, incomplete, error, content = row[6:]
     first_ns, last_ns = (None if ns is None else int(ns) for ns in (first, last))
-    read = Read(blake3, bool(settled), frames, first_ns, last_ns, None, incomplete, error)
+    read = Read(blake3, bool(settled), frames, first_ns, last_ns, None, incomplete, error, content)
     return Entry(_log(row[:6]), read, bool(gone))

@@ -17,6 +17,7 @@ Left out: what is in them (`work`, `figures`, `page`).
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import itertools
 import json
 import os
@@ -116,13 +117,17 @@ class Store:
 
     # Summaries of logs, by content.
 
-    def _place(self, blake3: str) -> pathlib.Path:
-        return self._logs / blake3[:2] / blake3
+    def _place(self, blake3: str, key: str | None = None) -> pathlib.Path:
+        logs = self._logs if key is None else self._logs.with_name(key)
+        return logs / blake3[:2] / blake3
 
-    def put(self, result: Read) -> None:
-        """Keeps what a log has come to, once for all logs of the same content."""
+    def put(self, result: Read) -> Read:
+        """Keeps what a log has come to, once for all logs of the same content; the same with what
+        is known of its file from another log."""
         if result.blake3 is None:
-            return
+            return result
+        if result.content is None and (before := self.get(result.blake3)):
+            result = dataclasses.replace(result, content=before.content)
         head = {
             "version": VERSION,
             "frames": result.frames,
@@ -130,17 +135,27 @@ class Store:
             "last_ns": result.last_ns,
             "incomplete": result.incomplete,
             "error": result.error,
+            "content": result.content,
         }
         body = json.dumps(head).encode() + b"\n" + (result.summary or b"")
         write(self._place(result.blake3), body)
+        return result
 
-    def get(self, blake3: str | None) -> Read | None:
+    def put_content(self, blake3: str, content: str) -> None:
+        """Keeps what is in a log whose file has this hash; nothing where its summary is damaged."""
+        place, read = self._place(blake3), self.get(blake3)
+        with contextlib.suppress(OSError):
+            summary = place.read_bytes().partition(b"\n")[2]
+            if read is not None:
+                self.put(dataclasses.replace(read, summary=summary, content=content))
+
+    def get(self, blake3: str | None, key: str | None = None) -> Read | None:
         """What a log of this content has come to, without the summary; None where that is not kept,
-        damaged, or of another version."""
+        damaged, or of another version. `key` stands for another reading."""
         if blake3 is None:
             return None
         try:
-            with self._place(blake3).open("rb") as file:
+            with self._place(blake3, key).open("rb") as file:
                 fields = json.loads(file.readline())
             version = fields.pop("version")
             return Read(blake3, True, **fields) if version == VERSION else None

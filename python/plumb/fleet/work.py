@@ -9,6 +9,7 @@ Left out: who calls it (`schedulers`, `spark`), and what is done with it (`store
 
 from __future__ import annotations
 
+import gzip
 import hashlib
 import json
 import os
@@ -32,6 +33,9 @@ PIECE = 1 << 20
 
 SETTLED_S = 2.0
 """A file that was written less than this before it was read may be written again unseen."""
+
+GZIP = b"\x1f\x8b"
+"""What a compressed file begins with (RFC 1952)."""
 
 HERE = "\0"
 """Stands for the log's own place in a sentence, which is kept by content."""
@@ -72,6 +76,9 @@ class Read:
     """The sentence on what could not be read."""
     error: str | None = None
     """The sentence on why there is no summary."""
+    content: str | None = None
+    """BLAKE3 of what is in a compressed log, and of another log as it is; None where that was not
+    looked for, since no other log has as many frames of the same time."""
 
 
 def pack(summary: bytes) -> bytes:
@@ -98,6 +105,39 @@ def read(log: Log, how: How) -> Read:
 def read_all(logs: list[Log], how: How) -> list[Read]:
     """Counts some logs, one after the other."""
     return [read(log, how) for log in logs]
+
+
+def contents(logs: list[tuple[Log, str]]) -> list[str | None]:
+    """The hash of what is in each log, given the log and the hash of its file: another one where the
+    file is compressed and whole. None where it can't be read, or has changed since it was listed."""
+    return [_content(log, blake3) for log, blake3 in logs]
+
+
+def _content(log: Log, blake3: str) -> str | None:
+    try:
+        with fsspec.open(log.url, "rb") as file:
+            if file.read(len(GZIP)) != GZIP:
+                return blake3
+        with tempfile.TemporaryDirectory(prefix="plumb-") as folder:
+            path = pathlib.Path(folder, "log")
+            if not _unpacked(log, path):
+                return blake3
+            counted = _plumb.count(str(path), [], [])
+        is_same = not log.local or str(os.stat(log.url).st_mtime) == log.stamp
+    except Exception:  # noqa: BLE001 - without it the log counts for itself
+        return None
+    return counted.blake3 if is_same else None
+
+
+def _unpacked(log: Log, path: pathlib.Path) -> bool:
+    """Writes what is in a compressed log to a file; whether it is whole."""
+    try:
+        with fsspec.open(log.url, "rb") as packed, gzip.open(packed) as source:
+            with path.open("wb") as copy:
+                shutil.copyfileobj(source, copy, PIECE)
+    except (EOFError, zlib.error, gzip.BadGzipFile):
+        return False
+    return True
 
 
 def _read_local(log: Log, how: How) -> Read:
