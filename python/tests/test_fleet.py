@@ -7,6 +7,7 @@ import json
 import os
 import pathlib
 import random
+from collections.abc import Callable
 
 import fsspec
 import pyarrow.parquet
@@ -295,6 +296,74 @@ def test_logs_with_frames_of_the_same_time_and_other_contents_count_each(
     assert (outcome.machines, outcome.logs) == (3, 3)
 
 
+def no_such_day(root: pathlib.Path) -> None:
+    put(root / "m1/2024-02-30.log", text("2026-11-20"))
+
+
+def link_to_nowhere(root: pathlib.Path) -> None:
+    (root / "m1/2026-11-22.log").symlink_to(root / "nowhere")
+
+
+def folder_that_is_not_utf8(root: pathlib.Path) -> None:
+    folder = os.fsencode(root / "m") + b"\xff"
+    os.mkdir(folder)
+    with open(folder + b"/2026-11-22.log", "w") as file:
+        file.write(text("2026-11-22"))
+
+
+@pytest.mark.parametrize("prepare", [no_such_day, link_to_nowhere, folder_that_is_not_utf8])
+def test_a_log_that_was_not_read_left_the_report_clean_and_the_status_0(
+    prepare: Callable[[pathlib.Path], None], tmp_path: pathlib.Path
+) -> None:
+    root, out = tmp_path / "logs", tmp_path / "out"
+    put(root / "m1/2026-11-20.log", text("2026-11-20"))
+    put(root / "readme.txt", "of no machine")
+    assert main([str(root), str(out)]) == 0
+    assert json.loads((out / "report.json").read_text())["clean"]
+    prepare(root)
+    assert main([str(root), str(out)]) == 2
+    report = json.loads((out / "report.json").read_text())
+    assert not report["clean"] and "1 log could not be read" in report["verdict"]
+
+
+def test_a_folder_that_can_not_be_listed_was_left_out_silently(
+    tmp_path: pathlib.Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    root, scandir = tree(tmp_path / "logs", 2, 1), os.scandir
+
+    def refuse(folder: str) -> object:
+        if str(folder).endswith("m2"):
+            raise PermissionError(13, "Permission denied", folder)
+        return scandir(folder)
+
+    monkeypatch.setattr(layout.os, "scandir", refuse)
+    outcome = run(root, tmp_path / "out")
+    assert outcome.failed == {str(root / "m2"): "the folder can't be listed: Permission denied"}
+
+
+@pytest.mark.parametrize(
+    ("row", "sentence"),
+    [
+        ({"path": "gone.log", "machine": "m"}, "it can't be read: No such file or directory"),
+        ({"path": "a.log", "machine": "m", "day": "x"}, "the manifest's day 'x' is no day"),
+    ],
+)
+def test_a_row_of_a_manifest_that_was_not_read_left_the_status_0(
+    row: dict[str, str],
+    sentence: str,
+    tmp_path: pathlib.Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    put(tmp_path / "logs/a.log", text("2026-11-20"))
+    put(tmp_path / "logs/b.log", text("2026-11-21"))
+    rows = [{"path": "b.log", "machine": "m", "day": None}, {"day": None} | row]
+    pyarrow.parquet.write_table(pyarrow.Table.from_pylist(rows), tmp_path / "m.parquet")
+    words = [str(tmp_path / "logs"), str(tmp_path / "out")]
+    assert main([*words, "--manifest", str(tmp_path / "m.parquet")]) == 2
+    [line] = [line for line in capsys.readouterr().out.splitlines() if sentence in line]
+    assert line.startswith(f"  {tmp_path / 'logs' / row['path']}: ")
+
+
 def test_a_copy_on_another_machine_is_listed_and_counts_once(tmp_path: pathlib.Path) -> None:
     for name in ("m1", "m2"):
         put(tmp_path / "logs" / name / "2026-11-20.log", text("2026-11-20"))
@@ -334,7 +403,7 @@ def test_a_manifest_names_logs_and_machines(tmp_path: pathlib.Path) -> None:
     pyarrow.parquet.write_table(pyarrow.Table.from_pylist(rows), tmp_path / "m.parquet")
     outcome = run(tmp_path / "logs", tmp_path / "out", manifest=tmp_path / "m.parquet")
     assert (outcome.machines, outcome.logs) == (2, 2)
-    assert [key.split("/")[-1] for key in outcome.notes] == ["not there.log"]
+    assert [key.split("/")[-1] for key in outcome.failed] == ["not there.log"]
     assert outcome.visits == ["M/1"]
     page = outcome.page.read_text()
     assert 'href="machines/M%252F1/report.html"' in page and "due on 2026-01-01" in page
@@ -547,9 +616,9 @@ def test_odd_names_and_files_that_are_none_stop_nothing(tmp_path: pathlib.Path) 
     pyarrow.parquet.write_table(pyarrow.Table.from_pylist(manifest), tmp_path / "m.parquet")
     outcome = run(root, tmp_path / "all", pattern="{machine}/{day}*")
     # A name that begins with a dot is hidden: "...".
-    assert outcome.logs == 5 and len(outcome.notes) == 4 and not outcome.failed
-    assert sum("is no file" in why for why in outcome.notes.values()) == 3
-    assert sum("is not UTF-8" in why for why in outcome.notes.values()) == 1
+    assert outcome.logs == 5 and len(outcome.failed) == 4 and not outcome.notes
+    assert sum("is no file" in why for why in outcome.failed.values()) == 3
+    assert sum("is not UTF-8" in why for why in outcome.failed.values()) == 1
     outcome = run(root, tmp_path / "out", manifest=tmp_path / "m.parquet")
     assert outcome.logs == 6
     folders = list((tmp_path / "out/machines").iterdir())

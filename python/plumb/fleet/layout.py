@@ -9,7 +9,6 @@ Left out: what is in the logs, and their order (`scratch`).
 
 from __future__ import annotations
 
-import contextlib
 import datetime
 import os
 import re
@@ -62,11 +61,12 @@ class Log:
 
 @dataclass(frozen=True, slots=True)
 class Stray:
-    """A file of no machine."""
+    """A file of no machine, or one that should be a log and can't be read."""
 
     url: str
     sentence: str
     """Why."""
+    should_be_log: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,12 +142,14 @@ def _judged(
     """A file as a log, or as a stray."""
     day = match.groupdict().get("day") if match else None
     url = _url(system, path)
+    if "error" in info:
+        return Stray(shown(url), f"the folder can't be listed: {info['error']}", True)
     if unusable := _unusable(system, path):
-        return Stray(shown(url), unusable)
+        return Stray(shown(url), unusable, should_be_log=match is not None)
     if match is None:
         return Stray(url, f"{below} is not of the form {pattern}: no machine owns it")
     if day is not None and day_of(day) is None:
-        return Stray(url, f"{day} in {below} is no day of the calendar")
+        return Stray(url, f"{day} in {below} is no day of the calendar", should_be_log=True)
     return _log(system, path, info, match["machine"], day and day_of(day))
 
 
@@ -271,11 +273,12 @@ def _entered(system: Any, root: str, row: dict[str, Any]) -> Log | Stray:
     url = _url(system, path)
     named = None if day is None else day_of(str(day)[:10])
     if day is not None and named is None:
-        return Stray(url, f"the manifest's day {day!r} is no day such as 2026-11-20")
+        return Stray(url, f"the manifest's day {day!r} is no day such as 2026-11-20", True)
     try:
         info = system.info(path)
     except (OSError, ValueError) as why:
-        return Stray(url, f"the manifest lists it, and it can't be read: {first_line(why)}")
+        reason = getattr(why, "strerror", None) or first_line(why)
+        return Stray(shown(url), f"the manifest lists it, and it can't be read: {reason}", True)
     return _log(system, path, info, str(row["machine"]), named)
 
 
@@ -303,8 +306,16 @@ def _files(system: Any, root: str, name: str) -> Iterator[tuple[str, dict[str, A
 
 
 def _walked(system: Any, folder: str) -> Iterator[tuple[str, dict[str, Any]]]:
-    """The same of this machine, name by name; what can't be listed or is gone is left out."""
-    with contextlib.suppress(OSError), os.scandir(folder) as names:
+    """The same of this machine, name by name; what is gone meanwhile is left out. A folder that
+    can't be listed stands for itself, with the reason as its `error`."""
+    try:
+        names = os.scandir(folder)
+    except FileNotFoundError:
+        return
+    except OSError as why:
+        yield folder, {"error": why.strerror or first_line(why)}
+        return
+    with names:
         for name in names:
             try:
                 info = system.info(name)

@@ -262,7 +262,10 @@ def _file(known: Scratch, how: work.How) -> None:
 def _nothing(known: Scratch) -> FleetError:
     failed = known.told(1)
     others = f", and {failed.bad - 1} more" if failed.bad > 1 else ""
-    return FleetError(f"no log could be counted: {failed.listed[0].sentence}{others}")
+    first = failed.listed[0]
+    sentence = first.sentence or ""
+    where = "" if first.log in sentence else f"{first.log}: "
+    return FleetError(f"no log could be counted: {where}{sentence}{others}")
 
 
 def _outcome(made: page.Made, known: Scratch, read: int) -> Outcome:

@@ -31,7 +31,7 @@ BEFORE = ("log", "machine", "day", "size", "blake3", "stamp", "path_day", "key")
 
 TABLES = """
 create table logs (url text primary key, machine, day, size, stamp, local) without rowid;
-create table strays (url text primary key, sentence) without rowid;
+create table strays (url text primary key, sentence, should_be_log) without rowid;
 create table notes (url text primary key, sentence) without rowid;
 create table machines (machine text primary key, about) without rowid;
 create table before (log text primary key, machine, day, size, blake3, stamp, path_day, key)
@@ -115,8 +115,8 @@ class Scratch:
         if isinstance(found, Log):
             self._add_log(found)
         elif isinstance(found, Stray):
-            row = (found.url, found.sentence)
-            self._base.execute("insert or replace into strays values (?, ?)", row)
+            row = (found.url, found.sentence, found.should_be_log)
+            self._base.execute("insert or replace into strays values (?, ?, ?)", row)
         else:
             self._add_about(found)
 
@@ -305,7 +305,8 @@ class Scratch:
     def add_stray_lines(self, key: str) -> None:
         """Enters a line for each stray."""
         text = """insert into lines (log, key, status, sentence)
-            select url, ?, 'stray', sentence from strays order by url"""
+            select url, ?, iif(should_be_log, 'failed', 'stray'), sentence from strays
+            order by url"""
         self._base.execute(text, (key,))
 
     def add_line(self, line: Line) -> None:
