@@ -120,6 +120,21 @@ def no_manifest(root: pathlib.Path) -> None:
     put(root / "junk.parquet", b"PAR1 junk")
 
 
+@pytest.mark.parametrize("out", ["s3://bucket/out", "file:///tmp/out", "memory://out"])
+def test_a_url_of_the_results_made_a_folder_of_its_scheme(
+    out: str,
+    tmp_path: pathlib.Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    root = tree(tmp_path / "logs", 1, 1)
+    assert main([str(root), out]) == 2
+    [line] = capsys.readouterr().err.splitlines()
+    assert line.startswith(f"plumb.fleet: {out} is a URL, and results are written to a folder")
+    assert os.listdir(tmp_path) == ["logs"]
+
+
 BAD = [
     (["{root}/logs"], None, "holds no file: name the folder of the machines"),
     (["{root}/nowhere"], None, "is not there"),

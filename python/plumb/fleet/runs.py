@@ -84,7 +84,7 @@ def run(
     used, by default one for each processor.
     Errors: `FleetError` with one sentence; what was there before is still there.
     """
-    folder = pathlib.Path(out)
+    folder = _folder(out)
     how = work.How(_pairs(nodes), tuple(os.path.abspath(sheet) for sheet in eds))
     with scratch.opened() as known:
         _find(known, logs, pattern, manifest, folder)
@@ -103,6 +103,19 @@ def run(
             store.end_journal()
             made = page.write(store, rules, known.told(page.ROWS))
         return _outcome(made, known, read)
+
+
+def _folder(out: str | os.PathLike[str]) -> pathlib.Path:
+    """The folder of the results.
+
+    Errors: `FleetError` where it is a URL.
+    """
+    if "://" in os.fspath(out):
+        raise FleetError(
+            f"{os.fspath(out)} is a URL, and results are written to a folder of this machine: name "
+            "one, and copy it afterwards"
+        )
+    return pathlib.Path(out)
 
 
 def _recall(known: Scratch, store: Store, how: work.How) -> None:
