@@ -3,10 +3,16 @@ worker is killed; and what can't be done ends in one sentence, with nothing writ
 
 from __future__ import annotations
 
+import contextlib
+import json
 import os
 import pathlib
 import signal
 import socket
+import subprocess
+import sys
+import threading
+import time
 from collections.abc import Iterator
 
 import pyarrow
@@ -197,6 +203,103 @@ def test_a_scheduler_that_listens_and_never_answers_is_told(
         with pytest.raises(FleetError, match=f"no Dask scheduler answers at {address}: start one"):
             run(root, tmp_path / "out", scheduler=address)
     assert not (tmp_path / "out").exists()
+
+
+def test_a_host_that_answers_in_http_ended_in_a_traceback(
+    tmp_path: pathlib.Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    root = tree(tmp_path / "logs", 1, 1)
+    with socket.create_server(("127.0.0.1", 0)) as server:
+
+        def answer() -> None:
+            for _ in range(2):
+                with contextlib.suppress(OSError), server.accept()[0] as client:
+                    client.sendall(b"HTTP/1.1 400 Bad Request\r\nConnection: close\r\n\r\n")
+
+        threading.Thread(target=answer, daemon=True).start()
+        address = f"tcp://127.0.0.1:{server.getsockname()[1]}"
+        assert main([str(root), str(tmp_path / "out"), "--scheduler", address]) == 2
+    [line] = capfd.readouterr().err.splitlines()
+    assert f"no Dask scheduler answers at {address}: start one" in line
+    assert not (tmp_path / "out").exists()
+
+
+class Own:
+    """A scheduler of a test's own, and workers, all of which may be killed."""
+
+    def __init__(self, folder: pathlib.Path) -> None:
+        file = folder / "scheduler.json"
+        options = {"host": "127.0.0.1", "dashboard": False, "scheduler_file": str(file)}
+        self.workers: list[subprocess.Popen[bytes]] = []
+        self.scheduler = self._start({"cls": "distributed.Scheduler", "opts": options})
+        while not file.exists() or not file.read_text().endswith("}"):
+            time.sleep(0.05)
+        self.address = json.loads(file.read_text())["address"]
+        self.start_worker()
+
+    def _start(self, spec: dict, *words: str) -> subprocess.Popen[bytes]:
+        command = [sys.executable, "-m", "dask", "spec", *words, "--spec", json.dumps(spec)]
+        return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+
+    def start_worker(self) -> None:
+        options = {"nthreads": 1, "memory_limit": 0, "dashboard": False}
+        spec = {"cls": "distributed.Worker", "opts": options}
+        self.workers.append(self._start(spec, self.address))
+
+    def __enter__(self) -> Own:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for process in [*self.workers, self.scheduler]:
+            process.kill()
+            process.wait()
+
+
+def test_a_scheduler_that_dies_during_the_run_ended_in_a_traceback(
+    tmp_path: pathlib.Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(schedulers, "GROUP", 1)
+    root = tree(tmp_path / "logs", 3, 4)
+    with Own(tmp_path) as own:
+
+        def kill(stage: str, jobs: int, *_: float) -> None:
+            if stage == "reading" and jobs == 2:
+                own.scheduler.kill()
+
+        sentence = f"the scheduler {own.address} was lost .*: run again"
+        with pytest.raises(FleetError, match=sentence):
+            run(root, tmp_path / "out", scheduler=own.address, progress=kill)
+    assert run(root, tmp_path / "out", workers=1).skipped >= 2
+
+
+def test_a_run_whose_workers_were_all_lost_waited_without_a_word(
+    tmp_path: pathlib.Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr(schedulers, "WORKERLESS_S", 1.0)
+    monkeypatch.setattr(schedulers, "GROUP", 1)
+    root = tree(tmp_path / "logs", 2, 3)
+    said: list[str] = []
+    with Own(tmp_path) as own:
+
+        def lose(stage: str, jobs: int, *_: float) -> None:
+            if stage == "reading" and jobs == 1:
+                own.workers[0].kill()
+                threading.Thread(target=return_when_told, daemon=True).start()
+
+        def return_when_told() -> None:
+            for _ in range(300):
+                said.append(capsys.readouterr().err)
+                if "has no worker" in said[-1]:
+                    break
+                time.sleep(0.1)
+            own.start_worker()
+
+        outcome = run(root, tmp_path / "out", scheduler=own.address, progress=lose)
+    sentence = f"the scheduler {own.address} has no worker: waiting for one"
+    assert "".join(said) == f"plumb.fleet: {sentence}\n"
+    assert outcome.logs == 6 and not outcome.failed
 
 
 def test_bad_logs_among_good_ones_are_listed_and_the_status_is_2(

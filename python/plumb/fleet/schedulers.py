@@ -15,6 +15,9 @@ import concurrent.futures
 import contextlib
 import logging
 import os
+import sys
+import threading
+import time
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any, Protocol
 
@@ -44,6 +47,12 @@ delivered that takes 4 % of two processors."""
 
 ANSWER_S = 10.0
 """A scheduler has to answer within this time, s."""
+
+WORKERLESS_S = 30.0
+"""A scheduler without workers is told after this time, s."""
+
+LOOK_S = 1.0
+"""Time between two looks at the workers, s."""
 
 Function = Callable[..., list]
 
@@ -102,7 +111,14 @@ class Dask:
     ) -> Iterator[tuple[list[Any], list | Exception]]:
         """Each group with what came of it, in any order; an exception where its worker was lost
         every time."""
+        with self._watched():
+            yield from self._map(function, jobs, *more)
+
+    def _map(
+        self, function: Function, jobs: Iterable[tuple[Any, int]], *more: Any
+    ) -> Iterator[tuple[list[Any], list | Exception]]:
         from distributed import as_completed
+        from distributed.client import CancelledError
         from distributed.scheduler import KilledWorker
 
         waiting = groups(jobs)
@@ -132,12 +148,37 @@ class Dask:
             for job in suspects:
                 future = self._client.submit(function, [job], *more, pure=False)
                 yield [job], self._result(future, future.exception(), KilledWorker)
-        except (OSError, asyncio.CancelledError) as why:
+        except (OSError, CancelledError, asyncio.CancelledError) as why:
             raise FleetError(self._lost(why)) from None
+
+    @contextlib.contextmanager
+    def _watched(self) -> Iterator[None]:
+        """A sentence on the standard error where all workers are gone for a while meanwhile."""
+        done = threading.Event()
+
+        def watch() -> None:
+            since_s = time.monotonic()
+            while not done.wait(LOOK_S):
+                if self._client.scheduler_info(n_workers=-1).get("workers"):
+                    since_s = time.monotonic()
+                elif time.monotonic() - since_s > WORKERLESS_S:
+                    said = f"the scheduler {self._address} has no worker: waiting for one"
+                    print(f"plumb.fleet: {said}", file=sys.stderr, flush=True)
+                    since_s = float("inf")
+
+        thread = threading.Thread(target=watch, daemon=True)
+        thread.start()
+        try:
+            yield
+        finally:
+            done.set()
+            thread.join()
 
     def _result(self, future: Any, why: BaseException | None, killed: type) -> list | Exception:
         if why is None:
             return future.result()
+        from distributed.client import CancelledError
+
         if isinstance(why, killed):
             return FleetError("its worker was lost each time: look at the memory of the workers")
         if isinstance(why, ImportError):
@@ -145,7 +186,7 @@ class Dask:
                 f"a worker of {self._address} can't load the package: install plumb[fleet] there "
                 f"({first_line(why)})"
             )
-        if isinstance(why, (asyncio.CancelledError, OSError)):
+        if isinstance(why, (CancelledError, asyncio.CancelledError, OSError)):
             raise FleetError(self._lost(why))
         raise why
 
@@ -205,7 +246,7 @@ def _client(address: str) -> Iterator[Any]:
             beside.submit(asyncio.run, _greet(address)).result()
         with dask.config.set({"distributed.admin.low-level-log-length": KEPT}):
             client = Client(address, timeout=ANSWER_S, set_as_default=False)
-    except (OSError, TimeoutError, asyncio.TimeoutError, ValueError):
+    except Exception:  # noqa: BLE001 - what is no scheduler may answer anything
         raise FleetError(
             f"no Dask scheduler answers at {address}: start one, check the address, or leave "
             "--scheduler out"
