@@ -15,6 +15,7 @@ import threading
 import time
 from collections.abc import Iterator
 
+import psutil
 import pyarrow
 import pyarrow.parquet
 import pytest
@@ -112,6 +113,33 @@ def test_processes_of_this_machine_are_used_without_set_up(
 ) -> None:
     run(logs, tmp_path / "out", workers=2)
     assert results(tmp_path / "out") == wanted
+
+
+@pytest.mark.parametrize("ending", [signal.SIGTERM, signal.SIGKILL, signal.SIGINT])
+def test_a_run_that_was_terminated_or_killed_left_its_processes_running(
+    ending: signal.Signals, logs: pathlib.Path, tmp_path: pathlib.Path
+) -> None:
+    script = """
+import sys
+from plumb.fleet import __main__, runs
+
+runs._read = lambda *words: (print("ready", flush=True), input())
+sys.exit(__main__.main([*sys.argv[1:], "--workers", "2"]))
+"""
+    command = [sys.executable, "-c", script, str(logs), str(tmp_path / "out")]
+    process = subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    )
+    assert process.stdout is not None and process.stdout.readline() == b"ready\n"
+    started = psutil.Process(process.pid).children(recursive=True)
+    assert len(started) >= 5
+    process.send_signal(ending)
+    _, alive = psutil.wait_procs(started, timeout=10)
+    assert not alive
+    said = process.communicate(timeout=10)[1].decode()
+    if ending is not signal.SIGKILL:
+        assert process.returncode == 130
+        assert said == "plumb.fleet: interrupted: what is finished is kept, run again\n"
 
 
 def no_log(root: pathlib.Path) -> None:

@@ -7,7 +7,11 @@ page of all the rest, where a log can't be read or only in part.
 from __future__ import annotations
 
 import argparse
+import contextlib
+import signal
 import sys
+import threading
+from collections.abc import Iterator
 
 from .._plumb import Error
 from .layout import PATTERN
@@ -40,18 +44,8 @@ def main(arguments: list[str] | None = None) -> int:
     given = parser().parse_args(arguments)
     bar = Bar()
     try:
-        outcome = run(
-            given.logs,
-            given.out,
-            pattern=given.pattern,
-            manifest=given.manifest,
-            scheduler=given.scheduler,
-            workers=given.workers,
-            nodes=_nodes(given.nodes),
-            eds=given.eds,
-            rules=Rules(today=given.today, band_deg=given.band),
-            progress=bar,
-        )
+        with _terminated_as_interrupted():
+            outcome = _run(given, bar)
     except Error as why:
         bar.close()
         print(_printable(f"plumb.fleet: {why}"), file=sys.stderr)
@@ -62,6 +56,34 @@ def main(arguments: list[str] | None = None) -> int:
         return 130
     bar.close()
     return _tell(outcome)
+
+
+def _run(given: argparse.Namespace, bar: Bar) -> Outcome:
+    return run(
+        given.logs,
+        given.out,
+        pattern=given.pattern,
+        manifest=given.manifest,
+        scheduler=given.scheduler,
+        workers=given.workers,
+        nodes=_nodes(given.nodes),
+        eds=given.eds,
+        rules=Rules(today=given.today, band_deg=given.band),
+        progress=bar,
+    )
+
+
+@contextlib.contextmanager
+def _terminated_as_interrupted() -> Iterator[None]:
+    """SIGTERM ends the run as Ctrl-C does: with the processes that it has started."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def _nodes(text: str) -> list[int]:

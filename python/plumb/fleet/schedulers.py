@@ -5,7 +5,7 @@ Jobs go out in groups, so many at a time that neither the scheduler's nor this p
 grows with their number. A job whose worker is lost is done again elsewhere; what loses its worker
 time and again is listed with its sentence.
 
-Left out: what the jobs are (`work`).
+Left out: what the jobs are (`work`), and the processes of this machine (`processes`).
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ import asyncio
 import concurrent.futures
 import contextlib
 import logging
-import os
 import sys
 import threading
 import time
@@ -35,15 +34,6 @@ AHEAD = 2
 KEPT = 10
 """Messages of each connection that Dask keeps to look for errors; as delivered 1000, with all that
 is in them, and summaries are."""
-
-CALM = {
-    "DASK_DISTRIBUTED__ADMIN__LOW_LEVEL_LOG_LENGTH": str(KEPT),
-    "DASK_DISTRIBUTED__ADMIN__TICK__INTERVAL": "1s",
-    "DASK_DISTRIBUTED__ADMIN__SYSTEM_MONITOR__INTERVAL": "10s",
-    "DASK_DISTRIBUTED__WORKER__PROFILE__ENABLED": "False",
-}
-"""How little Dask's processes of this machine keep, and how often they look at themselves; as
-delivered that takes 4 % of two processors."""
 
 ANSWER_S = 10.0
 """A scheduler has to answer within this time, s."""
@@ -215,11 +205,11 @@ def opened(scheduler: str | Place | None, workers: int) -> Iterator[Place]:
         yield scheduler
         return
     try:
-        import distributed  # noqa: F401
+        from . import processes
     except ImportError:
         raise FleetError("Dask is not installed: type pip install 'plumb[fleet]'") from None
     with _quiet(), contextlib.ExitStack() as stack:
-        address = stack.enter_context(local(workers)) if scheduler is None else scheduler
+        address = stack.enter_context(processes.local(workers)) if scheduler is None else scheduler
         client = stack.enter_context(_client(address))
         try:
             client.wait_for_workers(workers if scheduler is None else 1, timeout=3 * ANSWER_S)
@@ -268,41 +258,6 @@ async def _greet(address: str) -> None:
     words = Security().get_connection_args("client")
     comm = await asyncio.wait_for(connect(address, timeout=ANSWER_S, **words), ANSWER_S)
     await comm.close()
-
-
-@contextlib.contextmanager
-def local(workers: int) -> Iterator[str]:
-    """Processes of this machine with a scheduler of their own; its address.
-
-    They are programs and no forks, so that a script needs no guard around its call.
-    """
-    from distributed.deploy.subprocess import SubprocessCluster
-
-    with _environment(CALM):
-        cluster = SubprocessCluster(
-            host="127.0.0.1",
-            n_workers=workers,
-            threads_per_worker=1,
-            scheduler_kwargs={"dashboard": False},
-            worker_kwargs={"dashboard": False, "memory_limit": 0},
-            silence_logs=logging.CRITICAL,
-        )
-    try:
-        yield cluster.scheduler_address
-    finally:
-        cluster.close()
-
-
-@contextlib.contextmanager
-def _environment(variables: dict[str, str]) -> Iterator[None]:
-    """Variables for the processes that are started meanwhile; one that is set already stays."""
-    added = {name: text for name, text in variables.items() if name not in os.environ}
-    os.environ.update(added)
-    try:
-        yield
-    finally:
-        for name in added:
-            del os.environ[name]
 
 
 @contextlib.contextmanager
