@@ -29,7 +29,7 @@ from conftest import PLUMB, candump, shift
 from distributed import Client
 from fleets import results
 
-from plumb.fleet import QUESTIONS, query, run, schedulers, synthetic, visits
+from plumb.fleet import QUESTIONS, processes, query, run, schedulers, synthetic, visits
 
 PEAK = """import sys
 from plumb.fleet.__main__ import main
@@ -138,7 +138,7 @@ def warm() -> None:
 
 def on_cluster(logs: pathlib.Path, out: pathlib.Path, workers: int, kill: bool = False) -> Clock:
     """A run on a cluster of its own; with `kill` a worker is killed in the middle."""
-    with schedulers.local(workers) as address, Client(address, set_as_default=False) as client:
+    with processes.local(workers) as address, Client(address, set_as_default=False) as client:
         client.wait_for_workers(workers, timeout=60)
         victims = sorted(client.run(os.getpid).values())
         count = sum(1 for _ in logs.rglob("*.log"))

@@ -19,11 +19,12 @@ import psutil
 import pyarrow
 import pyarrow.parquet
 import pytest
+from conftest import ROOT
 from distributed import Client
 from distributed.deploy.subprocess import SubprocessCluster
 from fleets import put, results, text, tree
 
-from plumb.fleet import FleetError, run, schedulers, store
+from plumb.fleet import FleetError, run, schedulers, store, work
 from plumb.fleet.__main__ import main
 
 
@@ -154,6 +155,16 @@ def no_manifest(root: pathlib.Path) -> None:
     put(root / "junk.parquet", b"PAR1 junk")
 
 
+def test_data_sheets_without_a_node_were_refused_after_all_logs_were_read(
+    tmp_path: pathlib.Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    root, reads = tree(tmp_path / "logs", 1, 2), []
+    monkeypatch.setattr(work, "read", lambda *words: reads.append(words))
+    with pytest.raises(FleetError, match="does not name its node; write eds .*plumb-a.eds@NODE"):
+        run(root, tmp_path / "out", eds=[str(SHEET)])
+    assert not reads and not (tmp_path / "out").exists()
+
+
 @pytest.mark.parametrize("out", ["s3://bucket/out", "file:///tmp/out", "memory://out"])
 def test_a_url_of_the_results_made_a_folder_of_its_scheme(
     out: str,
@@ -168,6 +179,8 @@ def test_a_url_of_the_results_made_a_folder_of_its_scheme(
     assert line.startswith(f"plumb.fleet: {out} is a URL, and results are written to a folder")
     assert os.listdir(tmp_path) == ["logs"]
 
+
+SHEET = ROOT / "eds/plumb-a.eds"
 
 BAD = [
     (["{root}/logs"], None, "holds no file: name the folder of the machines"),
@@ -189,6 +202,9 @@ BAD = [
     (["{root}/logs", "--band", "nan"], no_manifest, "nan deg is no band"),
     (["{root}/logs", "--band", "-1"], no_manifest, "-1.0 deg is no band"),
     (["{root}/logs", "--eds", "{root}/none.eds@1"], no_manifest, "none.eds can't be read"),
+    (["{root}/logs", "--eds", "{root}/m.parquet@1"], no_manifest, "m.parquet"),
+    (["{root}/logs", "--eds", str(SHEET)], no_manifest, "plumb-a.eds does not name its node; write"),
+    (["{root}/logs", "--eds", f"{SHEET}@700"], no_manifest, "700 is no node-id"),
     (["{root}/logs", "--manifest", "{root}/gone.parquet"], no_manifest, "there is no log to count"),
     (["{root}/logs", "--today", "soon"], no_manifest, "soon is no day such as 2026-11-20"),
     (["nothing://bucket"], None, "is of a kind that is not installed"),

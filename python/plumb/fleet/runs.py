@@ -93,6 +93,7 @@ def run(
             store = Store(folder, how.key)
         except OSError as why:
             raise FleetError(f"{why.filename} can't be read: {why.strerror}") from None
+        work.refuse(how)
         with owned(folder):
             _recall(known, store, how)
             with schedulers.opened(scheduler, _workers(workers, known)) as place:

@@ -24,7 +24,7 @@ from typing import Any, Optional
 import fsspec
 
 from .. import _plumb
-from .errors import first_line
+from .errors import FleetError, first_line
 from .figures import rows
 from .layout import Log
 
@@ -79,6 +79,24 @@ class Read:
     content: str | None = None
     """BLAKE3 of what is in a compressed log, and of another log as it is; None where that was not
     looked for, since no other log has as many frames of the same time."""
+
+
+def refuse(how: How) -> None:
+    """Refuses data sheets that no log can be read with; a frame is read to see that.
+
+    Errors: `FleetError`.
+    """
+    if not how.eds:
+        return
+    with tempfile.TemporaryDirectory(prefix="plumb-") as folder:
+        path = pathlib.Path(folder, "log")
+        path.write_text("(1.000000) can0 000#8000\n")
+        try:
+            error = _plumb.count(str(path), list(how.eds), list(how.nodes)).error
+        except _plumb.Error as why:
+            error = str(why)
+    if error is not None:
+        raise FleetError(error)
 
 
 def pack(summary: bytes) -> bytes:
