@@ -62,7 +62,7 @@ def test_a_day_of_a_machine_is_what_plumb_merge_makes_of_its_logs(tmp_path: path
     ]
     run(tmp_path / "logs", tmp_path / "out")
     [row] = pyarrow.parquet.ParquetFile(
-        tmp_path / "out/summaries/day=2026-11-20/rows.parquet"
+        tmp_path / "out/summaries/2026-11-20/rows.parquet"
     ).read().to_pylist()
     assert row["summary"] == plumb.merge(plumb.summarise(part) for part in reversed(parts))
 
@@ -465,11 +465,15 @@ def test_bytes_in_a_manifest_that_are_no_text_ended_in_a_traceback(
         "machines.parquet/x",
         "report.html/x",
         "report.json/x",
+        "figures/2026-11-20/rows.parquet/x",
         "figures/day=2026-11-20/rows.parquet/x",
         "logs",
         "figures",
         "summaries",
         "machines",
+        "figures/2026-11-20",
+        "summaries/2026-11-20",
+        "summaries/2026-11-01",
         "figures/day=2026-11-20",
         "summaries/day=2026-11-20",
         "summaries/day=2026-11-01",

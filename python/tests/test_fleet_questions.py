@@ -40,7 +40,7 @@ def folder(out: pathlib.Path, rows: list[dict], machines: list[dict] | None = No
     """A folder with these figures."""
     for number in sorted({row["day"] for row in rows}):
         own = [row for row in rows if row["day"] == number]
-        write_table(out / "figures" / f"day={number}" / "rows.parquet", own, SCHEMA)
+        write_table(out / "figures" / number / "rows.parquet", own, SCHEMA)
     write_table(out / "machines.parquet", machines or [], MACHINES)
     return out
 

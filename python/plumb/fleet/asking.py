@@ -19,7 +19,7 @@ from typing import Any
 import pyarrow
 
 from .errors import FleetError, first_line
-from .store import LEDGER, MACHINES, refuse_other_format
+from .store import LEDGER, MACHINES, days_of, refuse_other_format
 
 QUESTIONS = ("faults", "drift", "histories", "calibration", "restarts", "silent", "standing")
 """The questions that have a file in `queries/`."""
@@ -56,7 +56,7 @@ class Figures:
         }
         self._refusal = duckdb.Error
         self._no_room = duckdb.OutOfMemoryException
-        self._today = max(path.name.removeprefix("day=") for path in folder.glob("figures/day=*"))
+        self._today = max(days_of(folder / "figures"))
         self._files = tempfile.TemporaryDirectory(prefix="plumb-")
         self._base = duckdb.connect(config=self._settings(lean))
         try:
@@ -141,7 +141,8 @@ def query(out: str | os.PathLike[str], question: str, **parameters: Any) -> pyar
 
 
 def _figures(folder: pathlib.Path) -> list[pathlib.Path]:
-    files = sorted(folder.glob("figures/day=*/rows.parquet"))
+    places = [day / "rows.parquet" for day in days_of(folder / "figures").values()]
+    files = [place for place in places if place.exists()]
     if not files:
         raise FleetError(f"{folder} has no figures of a fleet: name the folder of a run")
     return files

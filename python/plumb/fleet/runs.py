@@ -23,7 +23,7 @@ from . import filing, layout, page, schedulers, scratch, work
 from .errors import FleetError
 from .merging import Progress, merge
 from .scratch import Scratch
-from .store import Line, Store, owned, refuse_other_kinds
+from .store import Line, Store, owned, refuse_other_kinds, rename_former_days
 from .visits import Rules
 
 LOST = work.Read(
@@ -95,6 +95,7 @@ def run(
             raise FleetError(f"{why.filename} can't be read: {why.strerror}") from None
         work.refuse(how)
         with owned(folder):
+            rename_former_days(folder)
             _recall(known, store, how)
             with schedulers.opened(scheduler, _workers(workers, known)) as place:
                 read = _count(place, known, how, store, progress)

@@ -2,8 +2,8 @@
 
     logs/KEY/ab/BLAKE3         summary of a log, or why there is none, by the log's content
     logs.parquet               every log: machine, day, content, status and sentence
-    figures/day=D/rows.parquet   a row per machine and instrument
-    summaries/day=D/rows.parquet  the merged summary of each machine
+    figures/D/rows.parquet     a row per machine and instrument of the day D
+    summaries/D/rows.parquet   the merged summary of each machine
     machines.parquet           what manifests have on the machines
     machines/NAME/             the period page of a machine
     report.html, report.json   the page
@@ -33,7 +33,7 @@ import pyarrow
 import pyarrow.parquet
 
 from .errors import FleetError, first_line
-from .layout import ABOUT, Log
+from .layout import ABOUT, Log, day_of
 from .work import Read, unpack
 
 LEDGER = pyarrow.schema(
@@ -88,7 +88,14 @@ JOURNAL = ".journal"
 FILES = (".lock", JOURNAL, "logs.parquet", "machines.parquet", "report.html", "report.json")
 """Files of the folder."""
 
-FOLDERS = ("logs", "figures", "summaries", "machines")
+KINDS = ("figures", "summaries")
+"""Folders of a folder for each day."""
+
+FORMERLY = "day="
+"""What the folder of a day began with in earlier versions. Readers of Parquet take that for a column
+of its own, which is not that of the tables."""
+
+FOLDERS = ("logs", *KINDS, "machines")
 """Folders in it."""
 
 FORMAT = "2"
@@ -222,12 +229,11 @@ class Store:
 
     def partition(self, kind: str, day: str) -> pathlib.Path:
         """The file of a day, of `figures` or `summaries`."""
-        return self.folder / kind / f"day={day}" / "rows.parquet"
+        return self.folder / kind / day / "rows.parquet"
 
     def days(self) -> list[str]:
         """The days that are there."""
-        folders = (self.folder / "figures").glob("day=*")
-        return sorted(folder.name.removeprefix("day=") for folder in folders)
+        return list(days_of(self.folder / "figures"))
 
     def digest(self, day: str) -> str | None:
         """What a day was made of; None where it is not there as a whole."""
@@ -242,7 +248,7 @@ class Store:
 
     def drop_day(self, day: str) -> None:
         """Removes a day that has no log any more."""
-        for kind in ("figures", "summaries"):
+        for kind in KINDS:
             shutil.rmtree(self.partition(kind, day).parent, ignore_errors=True)
 
     def summaries(self, machine: str) -> Iterator[bytes]:
@@ -254,12 +260,42 @@ class Store:
             yield from table.column("summary").to_pylist()
 
 
+def days_of(folder: pathlib.Path) -> dict[str, pathlib.Path]:
+    """The days of a folder of figures or summaries in their order, each with its own folder, also
+    one that an earlier version has made."""
+    return dict(sorted(dict(_places(folder)).items()))
+
+
+def _places(folder: pathlib.Path) -> list[tuple[str, pathlib.Path]]:
+    """Days with their folders, that of an earlier version first where a day has both."""
+    former = [(path.name.removeprefix(FORMERLY), path) for path in folder.glob(f"{FORMERLY}*")]
+    return former + [(path.name, path) for path in folder.glob("*") if day_of(path.name) == path.name]
+
+
+def rename_former_days(folder: pathlib.Path) -> None:
+    """Gives the folders that an earlier version has made the names of this one.
+
+    Errors: `FleetError` where that is refused.
+    """
+    for kind in KINDS:
+        for former in (folder / kind).glob(f"{FORMERLY}*"):
+            place = former.with_name(former.name.removeprefix(FORMERLY))
+            try:
+                if place.exists():
+                    shutil.rmtree(former)
+                else:
+                    former.rename(place)
+            except OSError as why:
+                reason = why.strerror or why
+                raise FleetError(f"cannot rename {former}: {reason}; remove it") from None
+
+
 def refuse_other_kinds(folder: pathlib.Path) -> None:
     """Refuses a folder in which a folder stands where a file has its place, or a file for a folder.
 
     Errors: `FleetError`; nothing was changed.
     """
-    days = [day for kind in ("figures", "summaries") for day in (folder / kind).glob("day=*")]
+    days = [place for kind in KINDS for _, place in _places(folder / kind)]
     files = [folder / name for name in FILES] + [day / "rows.parquet" for day in days]
     folders = [folder / name for name in FOLDERS] + days
     folders += (folder / "logs").glob("*")

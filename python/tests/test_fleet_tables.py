@@ -1,0 +1,78 @@
+"""The tables of a fleet as other programs read them, and those of earlier versions of the package."""
+
+from __future__ import annotations
+
+import pathlib
+
+import duckdb
+import pyarrow.dataset
+import pyarrow.parquet
+import pytest
+from fleets import put, results, tree
+
+from plumb.fleet import query, run, store
+
+
+@pytest.fixture(scope="module")
+def logs(tmp_path_factory: pytest.TempPathFactory) -> pathlib.Path:
+    return tree(tmp_path_factory.mktemp("fleet") / "logs", 2, 3)
+
+
+@pytest.fixture(scope="module")
+def out(logs: pathlib.Path) -> pathlib.Path:
+    run(logs, logs.parent / "out")
+    return logs.parent / "out"
+
+
+DAYS = ["2026-11-20", "2026-11-20", "2026-11-21", "2026-11-21", "2026-11-22", "2026-11-22"]
+
+
+@pytest.mark.parametrize("kind", store.KINDS)
+def test_the_tables_of_all_days_were_refused_as_one_for_a_column_of_two_types(
+    kind: str, out: pathlib.Path
+) -> None:
+    folder = str(out / kind)
+    whole = pyarrow.parquet.read_table(folder)
+    assert whole.schema.field("day").type == pyarrow.string()
+    assert sorted(whole.column("day").to_pylist()) == DAYS
+    parts = pyarrow.dataset.dataset(folder, partitioning="hive").to_table(columns=["day"])
+    assert sorted(parts.column("day").to_pylist()) == DAYS
+    found = duckdb.sql(f"select day from '{folder}/*/rows.parquet' order by day").fetchall()
+    assert found == [(day,) for day in DAYS]
+
+
+@pytest.mark.parametrize("kind", store.KINDS)
+@pytest.mark.parametrize("name", ["pandas", "polars", "dask.dataframe"])
+def test_libraries_read_the_tables_of_all_days_as_one(
+    name: str, kind: str, out: pathlib.Path
+) -> None:
+    library = pytest.importorskip(name)
+    table = library.read_parquet(str(out / kind))
+    column = table["day"].compute() if hasattr(table, "compute") else table["day"]
+    assert sorted(str(day) for day in column) == DAYS
+
+
+def former(out: pathlib.Path) -> None:
+    """Renames the folders of the days as an earlier version has called them."""
+    for kind in store.KINDS:
+        for day in list((out / kind).iterdir()):
+            day.rename(day.with_name(f"day={day.name}"))
+
+
+def test_a_folder_with_days_of_an_earlier_version_is_asked_and_gone_on_with(
+    logs: pathlib.Path, tmp_path: pathlib.Path
+) -> None:
+    out = tmp_path / "out"
+    run(logs, out)
+    before, wanted = results(out), query(out, "from figures order by machine, day")
+    former(out)
+    assert query(out, "from figures order by machine, day") == wanted
+    assert run(logs, out).read == 0 and results(out) == before
+    # An earlier version may have written to it again.
+    former(out)
+    (out / "figures" / "2026-11-20").mkdir()
+    other = (out / "figures/day=2026-11-20/rows.parquet").read_bytes()
+    put(out / "figures/2026-11-20/rows.parquet", other)
+    assert query(out, "from figures order by machine, day") == wanted
+    run(logs, out)
+    assert results(out) == before
