@@ -160,6 +160,8 @@ def test_histories_have_temperature_and_vibration_day_by_day(tmp_path: pathlib.P
         ({"a_report_sha256": "0e"}, {"certificate_sha256": "0F", "calibration_due": day(0)},
          ["hash", "overdue"]),
         ({}, {"certificate_sha256": "0F", "certificate_crc32": "AB"}, []),
+        ({"a_calibration_crc32": "AB", "a_report_sha256": "0f"},
+         {"certificate_crc32": "", "certificate_sha256": " "}, []),
     ],
 )
 def test_a_calibration_is_overdue_or_another_than_the_certificates(
@@ -167,6 +169,20 @@ def test_a_calibration_is_overdue_or_another_than_the_certificates(
 ) -> None:
     out = folder(tmp_path, [row("m", 0, **figures), row("m", 1)], [{"machine": "m"} | manifest])
     assert reasons(out) == ({"m": kinds} if kinds else {})
+
+
+def test_an_empty_check_sum_in_a_manifest_was_another_than_the_certificates(
+    tmp_path: pathlib.Path,
+) -> None:
+    made = synthetic.make(Machine("m", 4, "healthy", 1), tmp_path / "logs", 1, 4.0)
+    assert all(made.sums)
+    log = next(path for path in (tmp_path / "logs").rglob("*") if path.is_file())
+    row_of_it = {"path": str(log), "machine": "m", "certificate_crc32": "", "calibration_due": ""}
+    pyarrow.parquet.write_table(pyarrow.Table.from_pylist([row_of_it]), tmp_path / "m.parquet")
+    outcome = run(tmp_path / "logs", tmp_path / "out", manifest=tmp_path / "m.parquet")
+    assert not outcome.visits
+    [known] = query(tmp_path / "out", "from machines").to_pylist()
+    assert known["certificate_crc32"] is None and known["calibration_due"] is None
 
 
 def test_restarts_count_where_they_are_recent(tmp_path: pathlib.Path) -> None:

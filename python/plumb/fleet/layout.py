@@ -248,9 +248,10 @@ def _in_text(table: pyarrow.Table, manifest: str) -> pyarrow.Table:
 
 
 def _about(row: dict[str, Any], manifest: str) -> dict[str, str]:
-    """What a row has on its machine."""
+    """What a row has on its machine; an empty text is no value."""
     values = {name: row.get(name) for name in ABOUT}
-    due = values["calibration_due"]
+    values = {name: value for name, value in values.items() if str(value).strip()}
+    due = values.get("calibration_due")
     if due is not None:
         values["calibration_due"] = _due(due, manifest)
     return {name: str(value) for name, value in values.items() if value is not None}

@@ -12,6 +12,12 @@ with newest as (
     from figures
     group by all
 ),
+-- An empty text is no check sum and no hash.
+stated as (
+    select machine, calibration_due, nullif(trim(certificate_crc32), '') as certificate_crc32,
+        nullif(trim(certificate_sha256), '') as certificate_sha256
+    from machines
+),
 judged as (
     select n.*, cast(m.calibration_due as date) as due, m.certificate_crc32, m.certificate_sha256,
         coalesce(cast(m.calibration_due as date) < cast($today as date), false) as overdue,
@@ -21,7 +27,7 @@ judged as (
         coalesce(lower(m.certificate_sha256) <> a_sha256, false)
             or coalesce(lower(m.certificate_sha256) <> b_sha256, false) as other_report
     from newest n
-    join machines m using (machine)
+    join stated m using (machine)
 )
 select * from judged
 where overdue or other_calibration or other_report
