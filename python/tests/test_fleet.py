@@ -364,6 +364,24 @@ def test_a_row_of_a_manifest_that_was_not_read_left_the_status_0(
     assert line.startswith(f"  {tmp_path / 'logs' / row['path']}: ")
 
 
+def test_the_section_of_warnings_and_faults_per_hour_had_incidents_alone(
+    tmp_path: pathlib.Path,
+) -> None:
+    out = tmp_path / "out"
+    put(tmp_path / "logs/m/2026-11-20.log", text("2026-11-20", 1, "+1 s fault b stuck"))
+    run(tmp_path / "logs", out)
+    report = json.loads((out / "report.json").read_text())
+    [section] = [one for one in report["sections"] if one["title"] == "Warnings and faults per hour"]
+    [by_machine] = [table for table in section["tables"] if table["title"] == "By machine"]
+    names = [column["name"] for column in by_machine["columns"]]
+    [asked] = [row for row in query(out, "faults").to_pylist() if row["grouped_by"] == "machine"]
+    [shown] = by_machine["rows"]
+    assert asked["faults_per_hour"] > 0
+    for kind in ("warnings", "faults", "incidents"):
+        cell = shown[names.index(f"{kind.capitalize()} per hour")]
+        assert cell == f"{asked[f'{kind}_per_hour']:.3f}"
+
+
 def test_a_copy_on_another_machine_is_listed_and_counts_once(tmp_path: pathlib.Path) -> None:
     for name in ("m1", "m2"):
         put(tmp_path / "logs" / name / "2026-11-20.log", text("2026-11-20"))

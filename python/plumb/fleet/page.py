@@ -239,6 +239,8 @@ def _faults(rows: Iterable[Row]) -> Row:
         ("Warnings", _of("warnings"), 0),
         ("Faults", _of("faults"), 0),
         ("Incidents", _of("incidents"), 0),
+        ("Warnings per hour", _of("warnings_per_hour"), 3),
+        ("Faults per hour", _of("faults_per_hour"), 3),
         ("Incidents per hour", _of("incidents_per_hour"), 3),
     ]
     groups = {key: First() for key in ("model", "firmware", "machine")}
