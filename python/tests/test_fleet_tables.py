@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import pathlib
+import time
 
 import duckdb
 import pyarrow.dataset
@@ -10,7 +12,7 @@ import pyarrow.parquet
 import pytest
 from fleets import put, results, tree
 
-from plumb.fleet import query, run, store
+from plumb.fleet import query, run, store, work
 
 
 @pytest.fixture(scope="module")
@@ -50,6 +52,24 @@ def test_libraries_read_the_tables_of_all_days_as_one(
     table = library.read_parquet(str(out / kind))
     column = table["day"].compute() if hasattr(table, "compute") else table["day"]
     assert sorted(str(day) for day in column) == DAYS
+
+
+def test_only_the_stamp_of_a_young_file_differs_between_two_runs(tmp_path: pathlib.Path) -> None:
+    root, out = tree(tmp_path / "logs", 1, 2), tmp_path / "out"
+    young = root / "m1/2026-11-20.log"
+
+    def lines() -> list[dict[str, object]]:
+        run(root, out)
+        return pyarrow.parquet.read_table(out / "logs.parquet").to_pylist()
+
+    os.utime(young)
+    first = lines()
+    stamps = [line.pop("stamp") for line in first]
+    assert stamps[0] is None and stamps[1] is not None
+    time.sleep(work.SETTLED_S + 0.2)
+    second = lines()
+    assert [line.pop("stamp") for line in second] == [str(young.stat().st_mtime), stamps[1]]
+    assert first == second
 
 
 def former(out: pathlib.Path) -> None:
