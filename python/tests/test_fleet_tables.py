@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import os
 import pathlib
+import signal
+import subprocess
+import sys
 import time
 
 import duckdb
@@ -70,6 +73,37 @@ def test_only_the_stamp_of_a_young_file_differs_between_two_runs(tmp_path: pathl
     second = lines()
     assert [line.pop("stamp") for line in second] == [str(young.stat().st_mtime), stamps[1]]
     assert first == second
+
+
+def test_a_run_that_was_killed_left_its_temporary_files_for_ever(tmp_path: pathlib.Path) -> None:
+    root, out = tree(tmp_path / "logs", 1, 2), tmp_path / "out"
+    script = """
+import os, signal, sys
+from plumb.fleet import run, store
+
+def killed(*_):
+    os.kill(os.getpid(), signal.SIGKILL)
+
+count = 0
+replace = os.replace
+
+def die(source, target):
+    global count
+    count += 1
+    killed() if count == int(sys.argv[3]) else replace(source, target)
+
+store.os.replace = die
+run(sys.argv[1], sys.argv[2], workers=1)
+"""
+    for at in (2, 1, 2):
+        done = subprocess.run([sys.executable, "-c", script, str(root), str(out), str(at)])
+        assert done.returncode == -signal.SIGKILL
+    assert [path for path in out.rglob(".*.part")]
+    for place in ("figures/2026-11-20/.x9a53ebh", "logs/0123456789ab/ab/.1tqy7u8s"):
+        put(out / place, "of an earlier version")
+    own = put(out / ".htaccess", "a person's own")
+    run(root, out)
+    assert sorted(out.rglob(".*")) == [own, out / ".lock"]
 
 
 def former(out: pathlib.Path) -> None:

@@ -22,6 +22,7 @@ import itertools
 import json
 import os
 import pathlib
+import re
 import shutil
 import tempfile
 import zlib
@@ -90,6 +91,15 @@ FILES = (".lock", JOURNAL, "logs.parquet", "machines.parquet", "report.html", "r
 
 KINDS = ("figures", "summaries")
 """Folders of a folder for each day."""
+
+PART = ".part"
+"""What the name of a file ends with until it is complete; it begins with a dot."""
+
+NAME = 40
+"""Letters of a file's name that are in it until then."""
+
+FORMER_PART = re.compile(r"\.[a-z0-9_]{8}")
+"""The same of earlier versions."""
 
 FORMERLY = "day="
 """What the folder of a day began with in earlier versions. Readers of Parquet take that for a column
@@ -388,7 +398,9 @@ def _replacing(path: pathlib.Path) -> Iterator[IO[bytes]]:
     """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile(dir=path.parent, prefix=".", delete=False) as file:
+        # As long as a name may be, and as reports are written.
+        words = {"prefix": f".{path.name[:NAME]}.", "suffix": PART}
+        with tempfile.NamedTemporaryFile(dir=path.parent, delete=False, **words) as file:
             try:
                 yield file
                 file.close()
@@ -405,7 +417,8 @@ def _replacing(path: pathlib.Path) -> Iterator[IO[bytes]]:
 
 @contextlib.contextmanager
 def owned(folder: pathlib.Path) -> Iterator[None]:
-    """The folder for one run alone; it is made where it is not there.
+    """The folder for one run alone; it is made where it is not there, and what a run that was killed
+    was writing is removed.
 
     Errors: `FleetError` where another run has it, or it can't be made.
     """
@@ -421,9 +434,25 @@ def owned(folder: pathlib.Path) -> Iterator[None]:
         if not _lock(file) or os.fstat(file.fileno()).st_nlink == 0:
             raise FleetError(f"another run writes to {folder}: wait for it, or choose another one")
         try:
+            _remove_parts(folder)
             yield
         finally:
             _tidy_up(folder, made)
+
+
+def _remove_parts(folder: pathlib.Path) -> None:
+    """Removes what a run that was killed has left of files that it was writing."""
+    days = (day for kind in KINDS for day in days_of(folder / kind).values())
+    own = [*days, *(folder / "logs").glob("*/*")]
+    # In these a person may have hidden files, too.
+    shared = [folder, *(folder / "machines").glob("*")]
+    left = [file for place in own + shared for file in place.glob(f".*{PART}")]
+    left += [
+        file for place in own for file in place.glob(".*") if FORMER_PART.fullmatch(file.name)
+    ]
+    for file in left:
+        with contextlib.suppress(OSError):
+            file.unlink()
 
 
 def _tidy_up(folder: pathlib.Path, made: bool) -> None:
