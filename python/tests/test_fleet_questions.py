@@ -6,12 +6,14 @@ from __future__ import annotations
 import datetime
 import pathlib
 import random
+import re
 import subprocess
 import sys
 
 import pyarrow
 import pyarrow.parquet
 import pytest
+from conftest import ROOT
 from fleets import put, text
 
 import plumb
@@ -19,6 +21,7 @@ from plumb.fleet import QUESTIONS, FleetError, Rules, query, run, synthetic, vis
 from plumb.fleet.figures import COLUMNS, SCHEMA
 from plumb.fleet.store import MACHINES, write_table
 from plumb.fleet.synthetic import Machine, upload
+from plumb.fleet.visits import URGENCY
 
 FIRST = datetime.date(2026, 9, 1)
 
@@ -183,6 +186,13 @@ def test_an_empty_check_sum_in_a_manifest_was_another_than_the_certificates(
     assert not outcome.visits
     [known] = query(tmp_path / "out", "from machines").to_pylist()
     assert known["certificate_crc32"] is None and known["calibration_due"] is None
+
+
+def test_the_list_of_reasons_counted_the_other_way_round_than_their_urgency() -> None:
+    page = (ROOT / "docs/fleet.md").read_text()
+    found = re.findall(r"^\| `(\w+)` \| (\d) \|", page, re.MULTILINE)
+    assert {kind: int(urgency) for kind, urgency in found} == URGENCY
+    assert [int(urgency) for _, urgency in found] == sorted(URGENCY.values(), reverse=True)
 
 
 def test_restarts_count_where_they_are_recent(tmp_path: pathlib.Path) -> None:
