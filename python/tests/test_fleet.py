@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import concurrent.futures
 import gzip
 import json
 import os
 import pathlib
 import random
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 
 import fsspec
 import pyarrow.parquet
@@ -16,7 +17,7 @@ from fleets import frames, put, results, text, tree
 
 import plumb
 from plumb import _plumb
-from plumb.fleet import FleetError, filing, layout, query, run, store, work
+from plumb.fleet import FleetError, filing, layout, query, run, schedulers, store, work
 from plumb.fleet.__main__ import main
 from plumb.fleet.progress import Bar, left
 
@@ -380,6 +381,37 @@ def test_the_section_of_warnings_and_faults_per_hour_had_incidents_alone(
     for kind in ("warnings", "faults", "incidents"):
         cell = shown[names.index(f"{kind.capitalize()} per hour")]
         assert cell == f"{asked[f'{kind}_per_hour']:.3f}"
+
+
+class Pooled:
+    """A scheduler as a script may have it."""
+
+    def map(self, function: schedulers.Function, jobs: Iterable, *more: object) -> Iterator:
+        for group in schedulers.groups(jobs):
+            yield group, function(group, *more)
+
+
+class OfItems:
+    """One whose `map` takes a function of one item."""
+
+    def map(self, function: schedulers.Function, items: Iterable) -> Iterator:
+        return map(function, items)
+
+
+class OfResults:
+    """One that gives results without their jobs."""
+
+    def map(self, function: schedulers.Function, jobs: Iterable, *more: object) -> Iterator:
+        yield from ([] for _ in jobs)
+
+
+def test_a_scheduler_of_ones_own_that_is_none_ended_in_a_type_error(tmp_path: pathlib.Path) -> None:
+    root = tree(tmp_path / "logs", 1, 2)
+    assert run(root, tmp_path / "out", scheduler=Pooled()).logs == 2
+    with concurrent.futures.ThreadPoolExecutor(1) as pool:
+        for wrong in (OfItems(), OfResults(), pool, object()):
+            with pytest.raises(FleetError, match="^the scheduler needs a map.function, jobs, "):
+                run(root, tmp_path / "none", scheduler=wrong)  # type: ignore[arg-type]
 
 
 def test_a_copy_on_another_machine_is_listed_and_counts_once(tmp_path: pathlib.Path) -> None:

@@ -248,6 +248,60 @@ def test_a_question_that_is_none_is_told(tmp_path: pathlib.Path) -> None:
             query(out, text_of_it)
 
 
+@pytest.mark.parametrize("question", ["", "  ", "drft", None])
+def test_a_question_that_is_none_gave_a_message_from_inside(
+    question: str, tmp_path: pathlib.Path
+) -> None:
+    listed = ", ".join(QUESTIONS)
+    with pytest.raises(FleetError) as refused:
+        query(folder(tmp_path, [row("m", 0)]), question)
+    assert str(refused.value) == f"{question!r} is no question: give one of {listed}, or SQL"
+
+
+def test_sql_without_an_answer_gave_a_message_from_inside(tmp_path: pathlib.Path) -> None:
+    out = folder(tmp_path, [row("m", 0)])
+    with pytest.raises(FleetError, match="^the SQL has no table as its answer: ask by select"):
+        query(out, "-- nothing")
+
+
+@pytest.mark.parametrize(
+    ("question", "given", "sentence"),
+    [
+        ("drift", {"bnd": 3}, "the question has no parameter bnd: it has band_deg, least_days"),
+        ("faults", {"bnd": 3}, "the question has no parameter bnd: it has none"),
+        ("select 1", {"x": 3}, "the question has no parameter x: it has none"),
+        ("select $y", {"x": 3, "y": 1}, "the question has no parameter x: it has y"),
+        ("drift", {"band_deg": -1}, "-1 deg is no band: give half of it, more than 0 deg"),
+        ("drift", {"band_deg": "1"}, "1 deg is no band: give half of it, more than 0 deg"),
+        ("drift", {"least_days": 0}, "least_days is 0: give a whole number of days, 1 or more"),
+        ("restarts", {"recent_days": 1.5},
+         "recent_days is 1.5: give a whole number of days, 1 or more"),
+        ("silent", {"today": "soon"}, "soon is no day such as 2026-11-20"),
+        ("silent", {"today": 5}, "5 is no day such as 2026-11-20"),
+    ],
+)
+def test_parameters_that_a_question_can_not_have_were_left_aside_or_taken(
+    question: str, given: dict, sentence: str, tmp_path: pathlib.Path
+) -> None:
+    with pytest.raises(FleetError) as refused:
+        query(folder(tmp_path, [row("m", 0)]), question, **given)
+    assert str(refused.value) == sentence
+    if "no parameter" in sentence:
+        return
+    with pytest.raises(FleetError) as refused:
+        Rules(**given)
+    assert str(refused.value) == sentence
+
+
+def test_a_date_as_today_ended_in_a_type_error(tmp_path: pathlib.Path) -> None:
+    out = folder(tmp_path, [row("here", number) for number in range(10)])
+    for today in (FIRST + datetime.timedelta(11), datetime.datetime(2026, 9, 12, 8)):
+        assert reasons(out, today=today) == reasons(out, today=day(11)) == {"here": ["silent"]}
+        assert query(out, "silent", today=today) == query(out, "silent", today=day(11))
+    with pytest.raises(FleetError, match="^5 is no day such as 2026-11-20$"):
+        Rules(today=5)
+
+
 def test_what_a_node_answers_about_itself_is_in_the_figures(tmp_path: pathlib.Path) -> None:
     machine = Machine("m", 4, "healthy", 1)
     made = synthetic.make(machine, tmp_path / "logs", 1, 4.0)

@@ -8,6 +8,7 @@ columns.
 from __future__ import annotations
 
 import contextlib
+import datetime
 import importlib.resources
 import os
 import pathlib
@@ -19,11 +20,15 @@ from typing import Any
 import pyarrow
 
 from .errors import FleetError, first_line
+from .layout import day_of
 from .store import LEDGER, MACHINES, days_of, refuse_other_format
 
 QUESTIONS = ("faults", "drift", "histories", "calibration", "restarts", "silent", "standing")
 """The questions that have a file in `queries/`."""
 
+
+DEFAULTS = {"recent_days": 7, "least_days": 5, "band_deg": None}
+"""Parameters of the questions where none are given; `today` is the last day with data."""
 
 LEAN_MB = 64
 """Memory that DuckDB has for the questions of a page, MB; what is more it keeps in files."""
@@ -75,7 +80,10 @@ class Figures:
         """The answer to a question of `QUESTIONS`, or to SQL; see `query`."""
         text, given = self._text(question, parameters)
         with self._in_words():
-            return self._base.sql(text, params=given).to_arrow_table()
+            answer = self._base.sql(text, params=given)
+            if answer is None:
+                raise FleetError("the SQL has no table as its answer: ask by select or from")
+            return answer.to_arrow_table()
 
     def rows(self, question: str, **parameters: Any) -> Iterator[dict[str, Any]]:
         """The same row by row; ask no other question until all rows are taken."""
@@ -98,8 +106,7 @@ class Figures:
     def _text(self, question: str, parameters: dict[str, Any]) -> tuple[str, Any]:
         """The SQL of a question with its parameters."""
         text = sql(question) if question in QUESTIONS else question
-        given = {"recent_days": 7, "least_days": 5, "band_deg": None, "today": self._today}
-        given |= parameters
+        given = DEFAULTS | {"today": self._today} | parameters
         used = {name: given[name] for name in set(re.findall(r"\$(\w+)", text)) & set(given)}
         return text, used or None
 
@@ -108,7 +115,7 @@ class Figures:
         """Errors of DuckDB as `FleetError`."""
         try:
             yield
-        except (self._refusal, AttributeError) as why:
+        except self._refusal as why:
             raise FleetError(f"DuckDB can't answer the question: {first_line(why)}") from None
         except RuntimeError as why:
             # So DuckDB passes on the interruption that ends its query.
@@ -133,11 +140,53 @@ def query(out: str | os.PathLike[str], question: str, **parameters: Any) -> pyar
 
     Parameters of the SQL (`$today`) are given by name; where they are not, `today` is the last day
     with data, `recent_days` 7, `least_days` 5 and `band_deg` null.
-    Errors: `FleetError` where the folder has no figures or those of another version, or the SQL is
-    not valid.
+    Errors: `FleetError` where the folder has no figures or those of another version, the SQL is not
+    valid, or a parameter is.
     """
+    _refuse(question, parameters)
     with Figures(out) as figures:
         return figures.ask(question, **parameters)
+
+
+def _refuse(question: str, parameters: dict[str, Any]) -> None:
+    """Refuses what is neither a question nor SQL, and parameters that a question has not."""
+    is_named = question in QUESTIONS
+    if not is_named and (not isinstance(question, str) or re.fullmatch(r"\s*\w*\s*", question)):
+        listed = ", ".join(QUESTIONS)
+        raise FleetError(f"{question!r} is no question: give one of {listed}, or SQL")
+    if is_named:
+        refuse_parameters(parameters)
+    own = sorted(set(re.findall(r"\$(\w+)", sql(question) if is_named else question)))
+    for name in sorted(set(parameters) - {*DEFAULTS, "today", *own}):
+        has = f"it has {', '.join(own)}" if own else "it has none"
+        raise FleetError(f"the question has no parameter {name}: {has}")
+
+
+def refuse_parameters(given: dict[str, Any]) -> None:
+    """Refuses values that the questions can't have.
+
+    Errors: `FleetError`.
+    """
+    today, band_deg = given.get("today"), given.get("band_deg")
+    if today is not None and day_in(today) is None:
+        raise FleetError(f"{today} is no day such as 2026-11-20")
+    if band_deg is not None and not (_is_number(band_deg) and 0 < band_deg < 360):
+        raise FleetError(f"{band_deg} deg is no band: give half of it, more than 0 deg")
+    for name in ("recent_days", "least_days"):
+        days = given.get(name, DEFAULTS[name])
+        if not isinstance(days, int) or isinstance(days, bool) or days < 1:
+            raise FleetError(f"{name} is {days!r}: give a whole number of days, 1 or more")
+
+
+def day_in(given: object) -> str | None:
+    """A day as 2026-11-20, out of that or of a date; None for what is none."""
+    if isinstance(given, datetime.date):
+        return given.isoformat()[:10]
+    return given if isinstance(given, str) and day_of(given) == given else None
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool)
 
 
 def _figures(folder: pathlib.Path) -> list[pathlib.Path]:

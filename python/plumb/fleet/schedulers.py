@@ -44,6 +44,12 @@ WORKERLESS_S = 30.0
 LOOK_S = 1.0
 """Time between two looks at the workers, s."""
 
+OWN = (
+    "the scheduler needs a map(function, jobs, *more) that takes (job, bytes) and yields each list "
+    "of jobs with function(list, *more)"
+)
+"""The sentence on a scheduler of a caller that is none."""
+
 Function = Callable[..., list]
 
 
@@ -82,6 +88,34 @@ class Here:
         """Each group with what came of it."""
         for job, _ in jobs:
             yield [job], function([job], *more)
+
+
+class Own:
+    """A caller's own scheduler.
+
+    Errors of `map`: `FleetError` where it is not as `Place` has it.
+    """
+
+    def __init__(self, place: Place) -> None:
+        self._place = place
+
+    def map(
+        self, function: Function, jobs: Iterable[tuple[Any, int]], *more: Any
+    ) -> Iterator[tuple[list[Any], list | Exception]]:
+        """Each group with what came of it."""
+        try:
+            found = iter(self._place.map(function, jobs, *more))
+        except (AttributeError, TypeError) as why:
+            raise FleetError(f"{OWN} ({first_line(why)})") from None
+        for pair in found:
+            try:
+                group, outcome = pair
+                fits = isinstance(outcome, Exception) or len(outcome) == len(group)
+            except (TypeError, ValueError):
+                fits = False
+            if not fits:
+                raise FleetError(OWN)
+            yield group, outcome
 
 
 class Dask:
@@ -202,7 +236,7 @@ def opened(scheduler: str | Place | None, workers: int) -> Iterator[Place]:
         yield Here()
         return
     if scheduler is not None and not isinstance(scheduler, str):
-        yield scheduler
+        yield Own(scheduler)
         return
     try:
         from . import processes

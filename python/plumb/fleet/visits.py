@@ -13,17 +13,15 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from .asking import Figures
-from .errors import FleetError
-from .layout import day_of
+from .asking import Figures, day_in, refuse_parameters
 
 
 @dataclass(frozen=True)
 class Rules:
     """When a machine needs a visit."""
 
-    today: str | None = None
-    """The day that all is seen from; None for the last day with data."""
+    today: str | datetime.date | None = None
+    """The day that all is seen from, as 2026-11-20 or as a date; None for the last day with data."""
     recent_days: int = 7
     """Days until today that count as recent."""
     fault_days: int = 2
@@ -40,10 +38,7 @@ class Rules:
     """Half the band of A - B, deg; None for the expanded uncertainty of the difference."""
 
     def __post_init__(self) -> None:
-        if self.today is not None and day_of(self.today) != self.today:
-            raise FleetError(f"{self.today} is no day such as 2026-11-20")
-        if self.band_deg is not None and not 0 < self.band_deg < 360:
-            raise FleetError(f"{self.band_deg} deg is no band: give half of it, more than 0 deg")
+        refuse_parameters(self.parameters())
 
     def parameters(self) -> dict[str, Any]:
         """What the questions are given."""
@@ -52,7 +47,8 @@ class Rules:
             "least_days": self.least_days,
             "band_deg": self.band_deg,
         }
-        return given if self.today is None else given | {"today": self.today}
+        # What is no day is refused as it was given.
+        return given if self.today is None else given | {"today": day_in(self.today) or self.today}
 
 
 @dataclass(frozen=True)
