@@ -372,7 +372,8 @@ def test_the_section_of_warnings_and_faults_per_hour_had_incidents_alone(
     put(tmp_path / "logs/m/2026-11-20.log", text("2026-11-20", 1, "+1 s fault b stuck"))
     run(tmp_path / "logs", out)
     report = json.loads((out / "report.json").read_text())
-    [section] = [one for one in report["sections"] if one["title"] == "Warnings and faults per hour"]
+    title = "Warnings and faults per hour"
+    [section] = [one for one in report["sections"] if one["title"] == title]
     [by_machine] = [table for table in section["tables"] if table["title"] == "By machine"]
     names = [column["name"] for column in by_machine["columns"]]
     [asked] = [row for row in query(out, "faults").to_pylist() if row["grouped_by"] == "machine"]

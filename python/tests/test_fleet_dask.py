@@ -121,9 +121,11 @@ def test_a_run_that_was_terminated_or_killed_left_its_processes_running(
     ending: signal.Signals, logs: pathlib.Path, tmp_path: pathlib.Path
 ) -> None:
     script = """
-import sys
+import signal, sys
 from plumb.fleet import __main__, runs
 
+# A shell starts what it puts into the background with this signal left aside.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 runs._read = lambda *words: (print("ready", flush=True), input())
 sys.exit(__main__.main([*sys.argv[1:], "--workers", "2"]))
 """
@@ -203,7 +205,7 @@ BAD = [
     (["{root}/logs", "--band", "-1"], no_manifest, "-1.0 deg is no band"),
     (["{root}/logs", "--eds", "{root}/none.eds@1"], no_manifest, "none.eds can't be read"),
     (["{root}/logs", "--eds", "{root}/m.parquet@1"], no_manifest, "m.parquet"),
-    (["{root}/logs", "--eds", str(SHEET)], no_manifest, "plumb-a.eds does not name its node; write"),
+    (["{root}/logs", "--eds", str(SHEET)], no_manifest, "plumb-a.eds does not name its node"),
     (["{root}/logs", "--eds", f"{SHEET}@700"], no_manifest, "700 is no node-id"),
     (["{root}/logs", "--manifest", "{root}/gone.parquet"], no_manifest, "there is no log to count"),
     (["{root}/logs", "--today", "soon"], no_manifest, "soon is no day such as 2026-11-20"),

@@ -1,4 +1,4 @@
-"""The tables of a fleet as other programs read them, and those of earlier versions of the package."""
+"""The tables of a fleet as other programs read them, and those of earlier versions."""
 
 from __future__ import annotations
 

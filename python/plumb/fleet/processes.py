@@ -108,8 +108,8 @@ def local(workers: int) -> Iterator[str]:
     They are programs and no forks, so that a script needs no guard around its call.
     """
     options = {"scheduler_kwargs": {"host": "127.0.0.1", "dashboard": False}}
-    words: dict[str, Any] = {"host": "127.0.0.1", "nthreads": 1, "dashboard": False, "memory_limit": 0}
-    words |= {"silence_logs": logging.CRITICAL}
+    words: dict[str, Any] = {"host": "127.0.0.1", "nthreads": 1, "dashboard": False}
+    words |= {"memory_limit": 0, "silence_logs": logging.CRITICAL}
     worker = {"cls": _Worker, "options": {"worker_kwargs": words}}
     try:
         with _environment(CALM):

@@ -102,8 +102,8 @@ FORMER_PART = re.compile(r"\.[a-z0-9_]{8}")
 """The same of earlier versions."""
 
 FORMERLY = "day="
-"""What the folder of a day began with in earlier versions. Readers of Parquet take that for a column
-of its own, which is not that of the tables."""
+"""What the folder of a day began with in earlier versions. Readers of Parquet take that for a
+column of its own, which is not that of the tables."""
 
 FOLDERS = ("logs", *KINDS, "machines")
 """Folders in it."""
@@ -279,7 +279,8 @@ def days_of(folder: pathlib.Path) -> dict[str, pathlib.Path]:
 def _places(folder: pathlib.Path) -> list[tuple[str, pathlib.Path]]:
     """Days with their folders, that of an earlier version first where a day has both."""
     former = [(path.name.removeprefix(FORMERLY), path) for path in folder.glob(f"{FORMERLY}*")]
-    return former + [(path.name, path) for path in folder.glob("*") if day_of(path.name) == path.name]
+    days = [(path.name, path) for path in folder.glob("*") if day_of(path.name) == path.name]
+    return former + days
 
 
 def rename_former_days(folder: pathlib.Path) -> None:
@@ -417,8 +418,8 @@ def _replacing(path: pathlib.Path) -> Iterator[IO[bytes]]:
 
 @contextlib.contextmanager
 def owned(folder: pathlib.Path) -> Iterator[None]:
-    """The folder for one run alone; it is made where it is not there, and what a run that was killed
-    was writing is removed.
+    """The folder for one run alone; it is made where it is not there, and what a killed run was
+    writing is removed.
 
     Errors: `FleetError` where another run has it, or it can't be made.
     """

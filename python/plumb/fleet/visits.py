@@ -21,7 +21,7 @@ class Rules:
     """When a machine needs a visit."""
 
     today: str | datetime.date | None = None
-    """The day that all is seen from, as 2026-11-20 or as a date; None for the last day with data."""
+    """The day that all is seen from, as 2026-11-20 or a date; None for the last day with data."""
     recent_days: int = 7
     """Days until today that count as recent."""
     fault_days: int = 2

@@ -126,8 +126,9 @@ def read_all(logs: list[Log], how: How) -> list[Read]:
 
 
 def contents(logs: list[tuple[Log, str]]) -> list[str | None]:
-    """The hash of what is in each log, given the log and the hash of its file: another one where the
-    file is compressed and whole. None where it can't be read, or has changed since it was listed."""
+    """The hash of what is in each log, given the log and the hash of its file: another one where
+    the file is compressed and whole. None where it can't be read, or has changed since it was
+    listed."""
     return [_content(log, blake3) for log, blake3 in logs]
 
 
