@@ -5,6 +5,7 @@
 //! while a node does not answer LSS, or the other channel of an instrument does not answer at all,
 //! unless it is forced. The nodes are told, store it, and change together after a pause; then the
 //! adapter has to follow as well. What ends it before the change has the rate in use stored again.
+//! A forced change names the nodes that it has not reached.
 //!
 //! Left out: the adapter's own rate, but for SLCAN, whose channel is opened anew with it.
 
@@ -80,6 +81,17 @@ struct Rate {
 struct Content<'a> {
     changed: bool,
     nodes: &'a [Rate],
+    /// Node-ids of those that a forced change has left at their rate.
+    not_reached: &'a [u8],
+}
+
+/// What a change came to.
+#[derive(Debug, Default)]
+struct Outcome {
+    /// Those that have changed, at their new rate.
+    rates: Vec<Rate>,
+    /// Those that keep theirs: they do not answer LSS, or not at all.
+    not_reached: Vec<u8>,
 }
 
 /// Reads or changes, and prints.
@@ -87,21 +99,31 @@ struct Content<'a> {
 /// Errors: see [`CommissionError`].
 pub fn run(arguments: &Arguments) -> Result<ExitCode, CommissionError> {
     let mut bus = arguments.common.join()?;
-    let (rates, meant) = match arguments.rate {
+    let (outcome, meant) = match arguments.rate {
         Some(_) if arguments.common.nodes.node.is_some() => return Err(CommissionError::AllOnly),
         Some(rate) => (change(&mut bus, rate, arguments)?, Meant::default()),
         None => {
             let meant = arguments.common.nodes.readable(&mut bus)?;
-            (read(&mut bus, &meant.nodes)?, meant)
+            let rates = read(&mut bus, &meant.nodes)?;
+            let not_reached = Vec::new();
+            (Outcome { rates, not_reached }, meant)
         }
     };
     let changed = arguments.rate.is_some();
     let content = Content {
         changed,
-        nodes: &rates,
+        nodes: &outcome.rates,
+        not_reached: &outcome.not_reached,
     };
     answer(arguments).show(&bus, content, || {
-        rates.iter().map(|rate| line(rate, changed)).collect()
+        let rates = outcome.rates.iter().map(|rate| line(rate, changed));
+        rates
+            .chain(
+                arguments
+                    .rate
+                    .and_then(|rate| note(&outcome.not_reached, rate)),
+            )
+            .collect()
     })?;
     meant.complete()?;
     Ok(ExitCode::SUCCESS)
@@ -139,9 +161,19 @@ fn line(rate: &Rate, changed: bool) -> String {
     format!("node {}: {number}{automatic}{stored}\n", rate.node)
 }
 
+/// What follows for nodes that a change to this rate has not reached, if there are some.
+fn note(nodes: &[u8], rate: u16) -> Option<String> {
+    let nodes = (!nodes.is_empty()).then(|| listed(nodes))?;
+    Some(format!(
+        "note: these nodes were not reached and keep their bit rate: {nodes}; on a bus at {rate} \
+         kbit/s they disturb the others, so connect them to a bus of their own at their rate, and \
+         use `plumb bitrate {rate} --force` there\n"
+    ))
+}
+
 /// Changes all nodes, and takes those back that were taken to PRE-OPERATIONAL for it; the rates
 /// that they have, which no node tells in STOPPED.
-fn change(bus: &mut Bus, rate: u16, arguments: &Arguments) -> Result<Vec<Rate>, CommissionError> {
+fn change(bus: &mut Bus, rate: u16, arguments: &Arguments) -> Result<Outcome, CommissionError> {
     let heard = survey(bus, ASKING).map_err(Fault::bus)?;
     if heard.nodes().is_empty() {
         return Err(Fault::nobody(bus).into());
@@ -187,14 +219,13 @@ fn change_these(
     arguments: &Arguments,
     heard: &Survey,
     working: &[u8],
-) -> Result<Vec<Rate>, CommissionError> {
-    if !arguments.force
-        && let Some(missing) = nodes::missing(bus, heard)?
-    {
-        return Err(CommissionError::Half(missing));
+) -> Result<Outcome, CommissionError> {
+    let missing = nodes::missing(bus, heard)?;
+    if let (false, Some(missing)) = (arguments.force, missing.first()) {
+        return Err(CommissionError::Half(*missing));
     }
-    let follow = match told(bus, rate, arguments, heard, working) {
-        Ok(follow) => follow,
+    let (follow, mut not_reached) = match told(bus, rate, arguments, heard, working) {
+        Ok(told) => told,
         Err(error) => {
             // Nobody is left behind in the configuration state; why it ended says more.
             let _ = Master::new(bus).switch_all(false);
@@ -202,20 +233,25 @@ fn change_these(
         }
     };
     let rates = arrived(bus, rate, arguments, &follow);
-    rates.map_err(|error| match error {
+    let rates = rates.map_err(|error| match error {
         CommissionError::Fault(why) => CommissionError::Changed(why, follow, rate),
         error => error,
-    })
+    })?;
+    not_reached.extend(missing.iter().map(|missing| missing.peer));
+    not_reached.sort_unstable();
+    not_reached.dedup();
+    Ok(Outcome { rates, not_reached })
 }
 
-/// Selects those that are there and tells them, where all of them can follow; who does.
+/// Selects those that are there and tells them, where all of them can follow; who does, and who
+/// does not.
 fn told(
     bus: &mut Bus,
     rate: u16,
     arguments: &Arguments,
     heard: &Survey,
     working: &[u8],
-) -> Result<Vec<u8>, CommissionError> {
+) -> Result<(Vec<u8>, Vec<u8>), CommissionError> {
     Master::begin(bus).map_err(Fault::from)?;
     let (mut follow, mut behind) = (Vec::new(), Vec::new());
     for id in heard.nodes() {
@@ -230,7 +266,7 @@ fn told(
     match (working.is_empty(), may && !follow.is_empty()) {
         // Not even by force: these can follow.
         (false, _) => Err(CommissionError::Operational(working)),
-        (true, true) => tell(bus, &follow, rate, arguments.delay).map(|()| follow),
+        (true, true) => tell(bus, &follow, rate, arguments.delay).map(|()| (follow, behind)),
         (true, false) => Err(CommissionError::Behind(behind)),
     }
 }

@@ -123,7 +123,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, CommissionError> {
     let meant = match arguments.id {
         Some(id) => Meant {
             nodes: vec![id],
-            missing: None,
+            missing: Vec::new(),
         },
         None => arguments.common.nodes.readable(&mut bus)?,
     };

@@ -10,6 +10,10 @@ use super::bench::*;
 
 const BOTH_AS_BEFORE: &str = "node 1: 250 kbit/s\nnode 2: 250 kbit/s";
 
+const NOT_REACHED: &str = "note: these nodes were not reached and keep their bit rate: 2; on a bus \
+                           at 500 kbit/s they disturb the others, so connect them to a bus of \
+                           their own at their rate, and use `plumb bitrate 500 --force` there";
+
 /// NMT: reset node.
 const RESET: u8 = 0x81;
 
@@ -78,9 +82,21 @@ fn bitrate_changed_half_an_instrument_without_a_word() {
     assert_eq!(got, "node 1: 250 kbit/s");
     let out = bench.at_500_kbit(&["--force"], 3500);
     assert!(
-        out.ends_with("node 1: 500 kbit/s, changed and stored"),
+        out.contains("\nnode 1: 500 kbit/s, changed and stored"),
         "{out}"
     );
+    assert_eq!(out.lines().last(), Some(NOT_REACHED), "{out}");
+}
+
+#[test]
+fn bitrate_by_force_did_not_name_the_node_that_it_has_not_reached() {
+    let mut bench = Bench::quick(&[]);
+    bench.word("power b off");
+    sleep(Duration::from_millis(500));
+    let out = bench.at_500_kbit(&["--force", "--json"], 3500);
+    let value: serde_json::Value = serde_json::from_str(&out).unwrap();
+    assert_eq!(value["nodes"][0]["bit_rate_kbit_s"], 500, "{out}");
+    assert_eq!(value["not_reached"], serde_json::json!([2]), "{out}");
 }
 
 #[test]

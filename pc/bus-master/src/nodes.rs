@@ -154,8 +154,8 @@ impl fmt::Display for Missing {
 pub struct Meant {
     /// Those that are there, ascending, or as they were named.
     pub nodes: Vec<u8>,
-    /// The first channel without its peer; nobody is looked for where nodes were named.
-    pub missing: Option<Missing>,
+    /// The channels without their peer; nobody is looked for where nodes were named.
+    pub missing: Vec<Missing>,
 }
 
 impl Meant {
@@ -163,8 +163,8 @@ impl Meant {
     ///
     /// Errors: [`NodesError::Unread`] where a peer does not answer.
     pub fn complete(&self) -> Result<(), NodesError> {
-        self.missing
-            .map_or(Ok(()), |one| Err(NodesError::Unread(one)))
+        let first = self.missing.first();
+        first.map_or(Ok(()), |one| Err(NodesError::Unread(*one)))
     }
 }
 
@@ -187,10 +187,10 @@ pub fn channels(bus: &mut Bus) -> Result<Meant, NodesError> {
     }
 }
 
-/// The first channel on the bus whose peer does not answer, where a survey was made before.
+/// The channels on the bus whose peer does not answer, where a survey was made before.
 ///
 /// Errors: see [`NodesError`].
-pub fn missing(bus: &mut Bus, survey: &Survey) -> Result<Option<Missing>, NodesError> {
+pub fn missing(bus: &mut Bus, survey: &Survey) -> Result<Vec<Missing>, NodesError> {
     let mut survey = survey.clone();
     let found = plumbs(bus, &mut survey)?;
     Ok(with_peers(bus, &survey, found)?.missing)
@@ -218,7 +218,7 @@ fn plumbs(bus: &mut Bus, survey: &mut Survey) -> Result<Vec<u8>, Fault> {
 
 /// Looks for the peers of those found that have not answered to the one question to everybody.
 fn with_peers(bus: &mut Bus, survey: &Survey, found: Vec<u8>) -> Result<Meant, NodesError> {
-    let (mut nodes, mut missing) = (found.clone(), None);
+    let (mut nodes, mut missing) = (found.clone(), Vec::new());
     for node in found {
         let peer = Node::new(bus, node).number(0x2001, 0)?;
         let Some(peer) = peer.and_then(|peer| u8::try_from(peer).ok()) else {
@@ -232,7 +232,7 @@ fn with_peers(bus: &mut Bus, survey: &Survey, found: Vec<u8>) -> Result<Meant, N
             Some(_) => {}
             None => {
                 let heard = survey.heartbeats.get(&peer).copied();
-                missing = missing.or(Some(Missing { node, peer, heard }));
+                missing.push(Missing { node, peer, heard });
             }
         }
     }
@@ -276,7 +276,7 @@ impl NodeOption {
         match &self.node {
             Some(Nodes::These(ids)) => Ok(Meant {
                 nodes: ids.clone(),
-                missing: None,
+                missing: Vec::new(),
             }),
             Some(Nodes::All) | None => channels(bus),
         }
@@ -288,8 +288,8 @@ impl NodeOption {
     /// Errors: see [`NodesError`].
     pub fn whole(&self, bus: &mut Bus) -> Result<Vec<u8>, NodesError> {
         let meant = self.readable(bus)?;
-        match meant.missing {
-            Some(missing) => Err(NodesError::Half(missing)),
+        match meant.missing.first() {
+            Some(missing) => Err(NodesError::Half(*missing)),
             None => Ok(meant.nodes),
         }
     }
@@ -335,10 +335,10 @@ mod tests {
         assert!(half.contains("--node 1 "), "{half}");
         let meant = Meant {
             nodes: vec![1],
-            missing: Some(Missing {
+            missing: vec![Missing {
                 heard: Some(Ok(State::Operational)),
                 ..one
-            }),
+            }],
         };
         let unread = meant.complete().unwrap_err().to_string();
         assert!(unread.contains("its heartbeat is received"), "{unread}");
