@@ -52,7 +52,8 @@ def build(tmp_path_factory: pytest.TempPathFactory) -> Build:
         file, part = folder / "image", folder / "body"
         part.write_bytes(body)
         version = version or f"1.0.{next(later)}"
-        command = [PLUMB, "image", file, "--version", version, "--a", part, "--b", part, *more]
+        command = [PLUMB, "image", file, "--force", "--version", version]
+        command += ["--a", part, "--b", part, *more]
         subprocess.run(command, check=True)
         both = pathlib.Path(file).read_bytes()
         return {0: both[: len(both) // 2], 1: both[len(both) // 2 :]}

@@ -14,7 +14,8 @@ use std::process::ExitCode;
 use clap::{Args, ValueEnum};
 use device::objects::table::{self, Channel, Models};
 
-use output::{stdout, write};
+use output::stdout;
+use output::write::{self, Existing, not_written};
 
 /// What to describe, and where to put it.
 #[derive(Clone, Debug, Args)]
@@ -35,6 +36,9 @@ pub struct Arguments {
     /// File to write; printed when not given
     #[arg(long, value_name = "FILE")]
     pub output: Option<PathBuf>,
+    /// Replace the file of --output if it is there already
+    #[arg(long, requires = "output")]
+    pub force: bool,
 }
 
 /// What can be described.
@@ -99,7 +103,7 @@ pub enum DescribeError {
     #[error("only a dcf holds a node-id; omit --node-id, or ask for dcf")]
     NoNodeId,
     /// The file could not be written.
-    #[error("cannot write {path}: {1}; choose another file with --output", path = .0.display())]
+    #[error("{a}", a = not_written(.0, .1, "another file with --output"))]
     Write(PathBuf, io::Error),
     /// The document could not be printed.
     #[error("the document cannot be printed: {0}; name a file with --output")]
@@ -111,7 +115,8 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, DescribeError> {
     let text = text(arguments)?;
     match &arguments.output {
         Some(path) => {
-            write::save(path, text).map_err(|why| DescribeError::Write(path.clone(), why))?;
+            let saved = write::save(path, text, Existing::of(arguments.force));
+            saved.map_err(|why| DescribeError::Write(path.clone(), why))?;
         }
         None => stdout::print(&text).map_err(DescribeError::Print)?,
     }
@@ -154,6 +159,7 @@ mod tests {
                 channel,
                 node_id,
                 output: None,
+                force: false,
             })
         };
         let a = Some(ChannelName::A);

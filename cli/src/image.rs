@@ -20,7 +20,8 @@ use sim::memory::{DEVELOPMENT, HARDWARE, SICK, SOUND, public_key, sign, unsigned
 
 use crate::update::UpdateError;
 use crate::update::file;
-use output::{hex, stdout, write};
+use output::write::{self, Existing, not_written};
+use output::{hex, stdout};
 
 /// What is built.
 #[derive(Clone, Debug, Args)]
@@ -28,6 +29,9 @@ pub struct Arguments {
     /// The file to write
     #[arg(required_unless_present = "public", value_name = "FILE")]
     pub out: Option<PathBuf>,
+    /// Replace the file if it is there already
+    #[arg(long, requires = "out")]
+    pub force: bool,
     /// Images to sign and join
     #[arg(
         long,
@@ -141,7 +145,7 @@ pub enum ImageError {
     #[error("cannot use {path}: {1}", path = .0.display())]
     File(PathBuf, io::Error),
     /// The file can't be written.
-    #[error("cannot write {path}: {1}; make room or choose another file", path = .0.display())]
+    #[error("{a}", a = not_written(.0, .1, "another file"))]
     Write(PathBuf, io::Error),
     /// A file is no secret key.
     #[error("{path} is no secret key: write 64 hexadecimal digits", path = .0.display())]
@@ -222,7 +226,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, ImageError> {
     let is_other = is_other && !images.iter().all(|image| accepts(image, &public));
     let file = images.concat();
     let length = file.len();
-    let written = write::save(out, file);
+    let written = write::save(out, file, Existing::of(arguments.force));
     written.map_err(|error| ImageError::Write(out.clone(), error))?;
     if arguments.is_signed_for_all() {
         eprintln!("{SIGNED_FOR_ALL}");

@@ -13,6 +13,7 @@ use bench::recordings::{self, CalibrateFrom};
 use bus_logs::Moment;
 use bus_report::playback::{self, PlaybackError};
 use output::progress::Progress;
+use output::write::Existing;
 
 /// What only one of both kinds is told by.
 const RECORDINGS: &str = "recordings of sensors (CSV)";
@@ -52,6 +53,9 @@ pub struct Arguments {
     /// Print JSON on stdout instead of the tables
     #[arg(long)]
     pub json: bool,
+    /// Replace the file of --export or --save-calibration if it is there already
+    #[arg(long)]
+    pub force: bool,
     /// Of recordings: calibrate from poses or reference, from the reference columns where there
     /// are any when not given. Of logs: begin at this time, seconds since the first frame or a
     /// date as 2026-11-22T12:30:00
@@ -84,14 +88,21 @@ pub enum ReplayError {
 /// Errors: see [`ReplayError`].
 pub fn run(arguments: &Arguments, progress: &Progress) -> Result<ExitCode, ReplayError> {
     let Arguments { files, json, .. } = arguments;
+    let existing = Existing::of(arguments.force);
     if are_logs(arguments)? {
         let from = arguments.begin();
-        return Ok(playback::run(files, &arguments.log, from, *json, progress)?);
+        let asked = playback::Asked {
+            from,
+            json: *json,
+            existing,
+        };
+        return Ok(playback::run(files, &arguments.log, asked, progress)?);
     }
     let arguments = recordings::Arguments {
         files: files.clone(),
         from: arguments.calibrate_from(),
         json: *json,
+        existing,
         options: arguments.recordings.clone(),
     };
     Ok(recordings::run(&arguments, progress)?)

@@ -15,7 +15,7 @@ use clap_complete::Shell;
 use clap_mangen::Man;
 
 use output::stdout;
-use output::write::Staged;
+use output::write::{Existing, Staged};
 
 /// Which shell.
 #[derive(Clone, Debug, Args)]
@@ -133,7 +133,8 @@ fn write_all(folder: &Path, pages: &[Page]) -> Result<ExitCode, ShellError> {
     fs::create_dir_all(folder).map_err(|why| failed(folder, why))?;
     for page in pages {
         let path = folder.join(&page.name);
-        let written = Staged::write(&path, &page.text).and_then(Staged::put_in_place);
+        let written = Staged::write(&path, &page.text, Existing::Replace);
+        let written = written.and_then(Staged::put_in_place);
         written.map_err(|why| failed(&path, why))?;
     }
     Ok(ExitCode::SUCCESS)

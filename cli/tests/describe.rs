@@ -18,7 +18,7 @@ fn is_fresh(path: &str, arguments: &[&str]) {
     assert!(
         committed == run.stdout,
         "{path} is stale or missing; renew it at the root of the checkout with \
-         `cargo run -- describe {} --output {path}`",
+         `cargo run -- describe {} --force --output {path}`",
         arguments.join(" ")
     );
 }
@@ -78,7 +78,7 @@ fn a_file_gets_what_would_be_printed() {
     let printed = describe(&arguments).stdout;
     assert!(String::from_utf8_lossy(&printed).contains("NodeID=9\r\n"));
     let name = path.to_str().unwrap();
-    let run = describe(&[&arguments[..], &["--output", name]].concat());
+    let run = describe(&[&arguments[..], &["--force", "--output", name]].concat());
     assert_eq!(run.status.code(), Some(0));
     assert!(run.stdout.is_empty());
     assert_eq!(std::fs::read(&path).unwrap(), printed);

@@ -48,8 +48,18 @@ fn fails(folder: &Folder, blocks: u32, name: &str, arguments: &[&str]) {
 fn a_full_disk_cost_the_old_document_image_or_manual() {
     let folder = Folder::new();
     let file = folder.path("file");
-    fails(&folder, 1, "file", &["describe", "eds", "--output", &file]);
-    fails(&folder, 0, "file", &["image", &file, "--version", "1.2.3"]);
+    fails(
+        &folder,
+        1,
+        "file",
+        &["describe", "eds", "--force", "--output", &file],
+    );
+    fails(
+        &folder,
+        0,
+        "file",
+        &["image", &file, "--force", "--version", "1.2.3"],
+    );
     let pages = folder.0.path().display().to_string();
     fails(&folder, 1, "plumb.1", &["man", "--output", &pages]);
 }
@@ -61,7 +71,12 @@ fn a_full_disk_left_the_part_of_a_table() {
     let log = folder.file("a.log", frames.collect::<String>());
     for name in ["a.csv", "a.parquet", "a.asc", "b.log"] {
         let place = folder.path(name);
-        fails(&folder, 1, name, &["replay", &log, "--export", &place]);
+        fails(
+            &folder,
+            1,
+            name,
+            &["replay", &log, "--force", "--export", &place],
+        );
     }
 }
 
@@ -71,7 +86,7 @@ fn a_full_disk_cost_the_old_object_or_box() {
     let bus = served.bus();
     let folder = Folder::new();
     let on_bus = |verb, option, place: &str| {
-        let words = [verb, "--node", "1", "--bus", &bus, option, place];
+        let words = [verb, "--node", "1", "--bus", &bus, "--force", option, place];
         words.map(str::to_owned).to_vec()
     };
     let file = folder.path("file");
@@ -82,6 +97,77 @@ fn a_full_disk_cost_the_old_object_or_box() {
     let boxes = on_bus("faults", "--boxes", &folder.0.path().display().to_string());
     let boxes: Vec<_> = boxes.iter().map(String::as_str).collect();
     fails(&folder, 0, "node-1-fault-log.bin", &boxes);
+}
+
+/// Expects that a call leaves the file `name` alone and says so in one sentence, and replaces it
+/// with --force.
+fn asks(folder: &Folder, name: &str, arguments: &[&str]) {
+    folder.file(name, "old");
+    let before = content(folder);
+    let (status, _, err) = said(&plumb(arguments).output().unwrap());
+    assert_eq!(
+        (status, err.lines().count()),
+        (Some(2), 1),
+        "{arguments:?}: {err}"
+    );
+    let sentence = format!("{} is there already", folder.path(name));
+    let is_told = err.contains(&sentence) && err.ends_with(", or replace it with --force");
+    assert!(is_told, "{err}");
+    assert_eq!(content(folder), before, "{arguments:?}");
+    let forced = plumb(&[arguments, &["--force"]].concat()).output().unwrap();
+    let (status, _, err) = said(&forced);
+    assert_eq!(status, Some(0), "{arguments:?}: {err}");
+    assert_ne!(content(folder), before, "{arguments:?}");
+}
+
+#[test]
+fn verbs_replaced_a_file_of_the_user_s_without_a_word() {
+    let served = Served::start(&[]);
+    let bus = served.bus();
+    let (folder, log) = (Folder::new(), Folder::new());
+    let log = log.file("a.log", "(1.5) can0 181#E80300003F01\n");
+    let file = folder.path("file");
+    asks(&folder, "file", &["describe", "eds", "--output", &file]);
+    asks(&folder, "file", &["image", &file, "--version", "1.2.3"]);
+    for name in ["a.csv", "a.parquet", "a.asc", "b.log"] {
+        let place = folder.path(name);
+        asks(&folder, name, &["replay", &log, "--export", &place]);
+    }
+    let on_bus = ["--node", "1", "--bus", &bus];
+    let get = ["get", "1008h", "--output", &file];
+    asks(&folder, "file", &[&get[..], &on_bus].concat());
+    let place = folder.0.path().display().to_string();
+    let boxes = ["faults", "--boxes", &place];
+    asks(
+        &folder,
+        "node-1-fault-log.bin",
+        &[&boxes[..], &on_bus].concat(),
+    );
+    let record = ["monitor", "--for", "1s", "--bus", &bus, "--record", &file];
+    asks(&folder, "file", &record);
+}
+
+#[test]
+fn a_killed_export_left_a_hidden_file() {
+    let folder = Folder::new();
+    let frames = (0..200_000).map(|n| format!("({n}.5) can0 181#E80300003F01\n"));
+    let log = folder.file("a.log", frames.collect::<String>());
+    let table = folder.path("a.csv");
+    let export = ["replay", &log, "--export", &table];
+    let mut killed = plumb(&export).spawn().unwrap();
+    while content(&folder).len() < 2 {
+        assert!(
+            killed.try_wait().unwrap().is_none(),
+            "it has ended by itself"
+        );
+    }
+    killed.kill().unwrap();
+    killed.wait().unwrap();
+    assert_eq!(content(&folder).len(), 2);
+    let (status, _, err) = said(&plumb(&export).output().unwrap());
+    assert_eq!(status, Some(0), "{err}");
+    let names: Vec<_> = content(&folder).into_iter().map(|(name, _)| name).collect();
+    assert_eq!(names, ["a.csv", "a.log"]);
 }
 
 #[test]
@@ -110,7 +196,7 @@ fn a_pipe_or_link_was_replaced_by_a_calibration_or_table() {
     let file = folder.file("there.csv", "old");
     let link = folder.path("link.csv");
     symlink("there.csv", &link).unwrap();
-    let run = plumb(&["replay", &log, "--export", &link])
+    let run = plumb(&["replay", &log, "--export", &link, "--force"])
         .output()
         .unwrap();
     assert_eq!(said(&run).0, Some(0));

@@ -72,7 +72,17 @@ fn file(folder: &Path, version: &str, more: &[&str]) -> PathBuf {
     let file = folder.join(format!("{version}.img"));
     let [a, b] = bodies.map(|path| path.display().to_string());
     let name = file.display().to_string();
-    let mut words = vec!["image", &name, "--version", version, "--a", &a, "--b", &b];
+    let mut words = vec![
+        "image",
+        &name,
+        "--force",
+        "--version",
+        version,
+        "--a",
+        &a,
+        "--b",
+        &b,
+    ];
     words.extend(more);
     let made = plumb(&words);
     assert!(made.status.success(), "{made:?}");

@@ -23,7 +23,7 @@ import plumb
 def exported(program: pathlib.Path, path: pathlib.Path, *words: object) -> list[dict[str, str]]:
     """The rows of the CSV that the program makes of a log."""
     table = path.parent / "export.csv"
-    done = run(program, "replay", path, "--export", table, *words)
+    done = run(program, "replay", path, "--export", table, "--force", *words)
     assert table.exists(), done.stderr
     with table.open(newline="") as file:
         return list(csv.DictReader(file))
@@ -56,7 +56,7 @@ def test_every_row_is_the_export_s(program: pathlib.Path, log: pathlib.Path) -> 
 @pytest.mark.filterwarnings("ignore::plumb.IncompleteWarning")
 def test_the_table_is_that_of_the_parquet_file(program: pathlib.Path, log: pathlib.Path) -> None:
     path = log.parent / "export.parquet"
-    run(program, "replay", log, "--export", path)
+    run(program, "replay", log, "--export", path, "--force")
     wanted = pyarrow.parquet.read_table(path)
     table = plumb.decode(log).read_all()
     assert table.replace_schema_metadata().cast(wanted.schema).equals(wanted)

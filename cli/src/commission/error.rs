@@ -15,6 +15,7 @@ use bus_master::sdo::{coded, meaning};
 use codes::name::NameError;
 use codes::value::ValueError;
 use codes::words::because;
+use output::write::not_written;
 
 /// Why a verb ended early.
 #[derive(Debug, thiserror::Error)]
@@ -56,7 +57,7 @@ pub enum CommissionError {
     #[error("a file holds one object of one node: name one object, and the node with --node")]
     OneOnly,
     /// The file can't be written.
-    #[error("cannot write {a}: {1}; choose another file with --output", a = .0.display())]
+    #[error("{a}", a = not_written(.0, .1, "another file with --output"))]
     Write(PathBuf, io::Error),
     /// The object can only be read.
     #[error("{0} can only be read; nothing was written")]

@@ -22,7 +22,7 @@ use codes::name::{self, Named};
 use codes::value::Shown;
 use output::hex;
 use output::table::{Cell, Column, Table};
-use output::write;
+use output::write::{self, Existing, NoPlace, check_place};
 
 /// What is read.
 #[derive(Clone, Debug, Args)]
@@ -36,6 +36,9 @@ pub struct Arguments {
     /// Write the bytes of the one object to this file
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
+    /// Replace the file of --output if it is there already
+    #[arg(long, requires = "output")]
+    pub force: bool,
     /// Which nodes; all channels on the bus when not given
     #[command(flatten)]
     pub common: CommonOptions,
@@ -70,6 +73,10 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, CommissionError> {
         return Ok(ExitCode::SUCCESS);
     }
     let objects = objects(&arguments.names)?;
+    let existing = Existing::of(arguments.force);
+    if let Some(path) = &arguments.output {
+        may_save(path, existing)?;
+    }
     let mut bus = arguments.common.join()?;
     let meant = arguments.common.nodes.readable(&mut bus)?;
     let nodes = &meant.nodes;
@@ -78,7 +85,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, CommissionError> {
             let ([object], [node]) = (objects.as_slice(), nodes.as_slice()) else {
                 return Err(CommissionError::OneOnly);
             };
-            save(&mut bus, *node, object, path)?;
+            save(&mut bus, *node, object, (path, existing))?;
             None
         }
         None => {
@@ -178,12 +185,26 @@ fn reading(node: u8, object: &Named, shown: Result<(Vec<u8>, Shown), u32>) -> Re
     reading
 }
 
-fn save(bus: &mut Bus, node: u8, object: &Named, path: &Path) -> Result<(), CommissionError> {
+/// Refuses a file that stays, before a node is asked.
+fn may_save(path: &Path, existing: Existing) -> Result<(), CommissionError> {
+    match check_place(path, existing) {
+        Err(why @ NoPlace::Taken) => Err(CommissionError::Write(path.to_owned(), why.into())),
+        _ => Ok(()),
+    }
+}
+
+fn save(
+    bus: &mut Bus,
+    node: u8,
+    object: &Named,
+    (path, existing): (&Path, Existing),
+) -> Result<(), CommissionError> {
     let bytes = match Node::new(bus, node).try_read(object.index, object.sub)? {
         Ok(bytes) => bytes,
         Err(code) => return Err(CommissionError::Refused(node, object.name.clone(), code)),
     };
-    write::save(path, &bytes).map_err(|why| CommissionError::Write(path.to_owned(), why))?;
+    write::save(path, &bytes, existing)
+        .map_err(|why| CommissionError::Write(path.to_owned(), why))?;
     let name = &object.name;
     answer::text(&format!("{} bytes of {name} of node {node}\n", bytes.len()))?;
     Ok(())

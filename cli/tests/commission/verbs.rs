@@ -78,7 +78,7 @@ fn objects_are_read_by_name_and_address_and_kept_as_files() {
     );
     let told = bench.refused(&["get", "heartbaet"]);
     assert!(told.contains("near are heartbeat"), "{told}");
-    let told = bench.refused(&["get", "fault-log", "--output", &path]);
+    let told = bench.refused(&["get", "fault-log", "--force", "--output", &path]);
     assert!(told.contains("one object of one node"), "{told}");
 }
 

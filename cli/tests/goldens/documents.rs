@@ -34,6 +34,7 @@ fn image_builds_a_program() {
     for line in [
         "image p.bin --version 1.2.3",
         "image p.bin --version 1.2.4 --json",
+        "image p.bin --version 1.2.4 --json --force",
         "image u.bin --version 1.2.4 --unsigned --json",
         "image s.bin --from u.bin --json",
         "image --public",

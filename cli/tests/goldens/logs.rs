@@ -53,6 +53,7 @@ fn replay_writes_tables_and_logs() {
         "replay moment.log --export a.csv",
         "replay moment.log --export a.asc --json",
         "replay a.asc --export b.log",
+        "replay a.asc --export b.log",
         "replay shift.log --from 7.95 --to 8.05 --export fault.csv",
     ];
     let mut told = typed(&folder, &lines);

@@ -220,7 +220,7 @@ fn a_recording_is_whole_after_an_interrupt_and_played_back_it_says_the_same() {
         assert!(out.contains("both agree"));
         let again = said(&bench.watch(&["--record", &file]).output().unwrap());
         assert_eq!(again.0, Some(2));
-        assert!(again.2.contains("exists already"), "{}", again.2);
+        assert!(again.2.contains("is there already"), "{}", again.2);
         assert_eq!(fs::read_to_string(&file).unwrap(), text);
     }
 }

@@ -410,7 +410,12 @@ fn a_calibration_saved_through_a_link_is_written_where_it_leads() {
     let target = folder.file("target.json", "old");
     let link = folder.path("link.json");
     std::os::unix::fs::symlink(&target, &link).unwrap();
-    report(&folder, &[&one, "--save-calibration", &link]);
+    let refused = replay(&folder, &[&one, "--save-calibration", &link]);
+    assert_eq!(refused.status.code(), Some(2));
+    let told = String::from_utf8(refused.stderr).unwrap();
+    assert!(told.ends_with("or replace it with --force\n"), "{told}");
+    assert_eq!(std::fs::read_to_string(&target).unwrap(), "old");
+    report(&folder, &[&one, "--force", "--save-calibration", &link]);
     assert!(std::fs::symlink_metadata(&link).unwrap().is_symlink());
     let written = std::fs::read_to_string(&target).unwrap();
     assert!(written.contains("plumb-calibration"));

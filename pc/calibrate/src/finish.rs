@@ -19,7 +19,7 @@ use super::kept::{self, Kept, KeptNode};
 use super::session::{Node, Session};
 use super::{dcc, page};
 use bus_master::BusOptions;
-use output::write::check_place;
+use output::write::{Existing, NoPlace, check_place};
 use output::{hex, stdout};
 
 /// More or fewer nodes than an instrument has.
@@ -141,11 +141,12 @@ impl Common {
     }
 
     fn keep(&self, ids: &[u8], path: &Path) -> Result<ExitCode, CalibrateError> {
-        if path.symlink_metadata().is_ok() && !self.force {
-            return Err(CalibrateError::Earlier(path.to_owned(), "file with --keep"));
-        }
+        let existing = Existing::of(self.force);
         // Before the nodes are asked.
-        check_place(path).map_err(|why| CalibrateError::Keep(path.to_owned(), why))?;
+        check_place(path, existing).map_err(|why| match why {
+            NoPlace::Taken => CalibrateError::Earlier(path.to_owned(), "file with --keep"),
+            why => CalibrateError::Keep(path.to_owned(), why),
+        })?;
         let mut session = self.open(ids)?;
         let blank = session.nodes.iter().find(|node| node.is_blank());
         let blank = blank.map(|node| node.id);
@@ -154,7 +155,7 @@ impl Common {
         if let Some(id) = blank {
             return Err(CalibrateError::NothingToKeep(id));
         }
-        kept::save(path, &kept)?;
+        kept::save(path, &kept, existing)?;
         self.print_kept(&kept, "kept")
     }
 

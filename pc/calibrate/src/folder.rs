@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use super::data::{now, utc};
 use super::error::CalibrateError;
 use super::kept::{self, Kept};
-use output::write;
+use output::write::{self, Existing};
 
 /// What the nodes had before.
 const AS_FOUND: &str = "as-found.json";
@@ -103,7 +103,7 @@ impl Folder {
             // Fails where one is, which so is never replaced.
             fs::create_dir(&self.own).map_err(CalibrateError::file(&self.own))?;
         }
-        kept::save(&self.found(), kept)
+        kept::save(&self.found(), kept, Existing::Replace)
     }
 
     /// What --out says.

@@ -11,7 +11,7 @@ use device::calibration::encoding::identity;
 use serde::{Deserialize, Serialize};
 
 use output::hex;
-use output::write::Staged;
+use output::write::{Existing, Staged};
 
 use super::error::CalibrateError;
 use super::session::{Session, decode};
@@ -80,10 +80,10 @@ pub fn as_found(session: &Session) -> Kept {
 /// Writes a file; it appears whole or not at all.
 ///
 /// Errors: [`CalibrateError::File`].
-pub fn save(path: &Path, kept: &Kept) -> Result<(), CalibrateError> {
+pub fn save(path: &Path, kept: &Kept, existing: Existing) -> Result<(), CalibrateError> {
     let text = serde_json::to_string_pretty(kept);
     let text = text.map_err(|error| CalibrateError::File(path.to_owned(), error.into()))?;
-    put(path, &(text + "\n"))
+    put(path, &(text + "\n"), existing)
 }
 
 /// Reads a file.
@@ -146,8 +146,8 @@ pub fn restore(session: &mut Session, path: &Path, kept: &Kept) -> Result<(), Ca
 /// Writes a file; it appears whole or not at all, and a loss of power finds it on the disk.
 ///
 /// Errors: [`CalibrateError::File`].
-pub fn put(path: &Path, text: &str) -> Result<(), CalibrateError> {
-    let placed = Staged::write(path, text).and_then(Staged::put_in_place);
+pub fn put(path: &Path, text: &str, existing: Existing) -> Result<(), CalibrateError> {
+    let placed = Staged::write(path, text, existing).and_then(Staged::put_in_place);
     placed.map_err(CalibrateError::file(path))
 }
 
@@ -175,7 +175,7 @@ mod tests {
         let told = |change: &dyn Fn(&mut KeptNode)| {
             let mut kept = whole.clone();
             change(&mut kept.nodes[0]);
-            save(&path, &kept).unwrap();
+            save(&path, &kept, Existing::Replace).unwrap();
             load(&path).map_err(|error| error.to_string())
         };
         assert_eq!(told(&|_| ()), Ok(whole.clone()));

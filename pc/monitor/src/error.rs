@@ -28,7 +28,10 @@ pub enum MonitorError {
     #[error("{a}", a = printable(&.0.to_string()))]
     Lost(io::Error),
     /// This recording exists already.
-    #[error("{a} exists already: name another file, or add --force to write over it", a = name(.0))]
+    #[error(
+        "{a} is there already: choose another file with --record, or replace it with --force",
+        a = name(.0)
+    )]
     Exists(PathBuf),
     /// A recording would be compressed by this name, and is not.
     #[error(

@@ -47,7 +47,7 @@ pub struct Arguments {
     /// Record every frame to a file: .asc is Vector ASC, any other name candump -L
     #[arg(long, value_name = "FILE")]
     pub record: Option<PathBuf>,
-    /// Overwrite an existing recording
+    /// Replace the file of --record if it is there already
     #[arg(long, requires = "record")]
     pub force: bool,
     /// End after this time: 10s, 500ms, 5min, 2h

@@ -6,7 +6,7 @@
 //!
 //! Left out: the format (`log`).
 
-use std::fs::{File, OpenOptions};
+use std::fs::{self, File, OpenOptions};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -78,7 +78,7 @@ pub fn may_be(path: &Path, force: bool) -> Result<(), MonitorError> {
     if ending.is_some_and(|ending| packed.iter().any(|packed| ending == *packed)) {
         return Err(MonitorError::Compressed(path.to_owned()));
     }
-    if path.exists() && !force {
+    if path.is_file() && !force {
         return Err(MonitorError::Exists(path.to_owned()));
     }
     match path.parent().filter(|folder| *folder != Path::new("")) {
@@ -106,13 +106,15 @@ pub struct Recorder {
 const LINE_BYTES: usize = 80;
 
 impl Recorder {
-    /// Creates the file; one that exists is taken only with `force`.
+    /// Creates the file; one that exists is taken only with `force`. A device or a pipe is written
+    /// into.
     ///
     /// Errors: what the system says, [`io::ErrorKind::AlreadyExists`] above all.
     pub fn create(path: &Path, force: bool) -> io::Result<Self> {
         let mut options = OpenOptions::new();
         options.write(true);
-        if force {
+        let is_special = fs::metadata(path).is_ok_and(|about| !about.is_file());
+        if force || is_special {
             options.create(true).truncate(true);
         } else {
             options.create_new(true);

@@ -5,9 +5,11 @@
 //! same folder and renamed when it is complete, so nobody ever finds half a report, and what was
 //! there before stays until then. A link stays, and the file it leads to is replaced. A device, a
 //! pipe or an open file of the process is never replaced: [`save`] writes into it, all others
-//! refuse it ([`NoPlace`]).
+//! refuse it ([`NoPlace`]). A file whose name the user gave is replaced only where the user said
+//! so ([`Existing`]). What a process that was killed has left beside a place is removed by the
+//! next one that writes there.
 
-use std::fs::{self, File, OpenOptions};
+use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
@@ -73,9 +75,10 @@ pub fn try_folder(folder: &Path) -> Result<(), WriteError> {
 }
 
 fn staged(place: PathBuf, text: &str) -> Result<Staged, WriteError> {
-    match check_place(&place) {
+    let existing = Existing::Replace;
+    match check_place(&place, existing) {
         Err(why) => Err(WriteError::Replace(place, why.into())),
-        Ok(_) => Staged::write(&place, text).map_err(|why| WriteError::File(place, why)),
+        Ok(_) => Staged::write(&place, text, existing).map_err(|why| WriteError::File(place, why)),
     }
 }
 
@@ -109,9 +112,46 @@ pub fn together(folder: &Path, files: &[(&str, &str)]) -> Result<(), WriteError>
     })
 }
 
+/// What becomes of a file that is at the place of a new one.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Existing {
+    /// It stays, and nothing is written.
+    #[default]
+    Keep,
+    /// The new one replaces it.
+    Replace,
+}
+
+impl Existing {
+    /// What `--force`, given or not, says.
+    pub const fn of(force: bool) -> Self {
+        match force {
+            true => Self::Replace,
+            false => Self::Keep,
+        }
+    }
+}
+
+/// The sentence for a file that was not written, of which the user gave the name.
+///
+/// In: the file, what the system or [`NoPlace`] says, and what to choose instead, as "another file
+/// with --output".
+pub fn not_written(place: &Path, why: &io::Error, other: &str) -> String {
+    let place = shown(place);
+    match why.kind() {
+        io::ErrorKind::AlreadyExists => {
+            format!("{place} is there already: choose {other}, or replace it with --force")
+        }
+        _ => format!("cannot write {place}: {why}; make room or choose {other}"),
+    }
+}
+
 /// Why a place takes no file.
 #[derive(Debug, thiserror::Error)]
 pub enum NoPlace {
+    /// A file that may not be replaced.
+    #[error("it is there already")]
+    Taken,
     /// A link to what is not there.
     #[error("the link leads nowhere")]
     Link,
@@ -130,6 +170,7 @@ impl From<NoPlace> for io::Error {
     fn from(why: NoPlace) -> Self {
         match why {
             NoPlace::System(why) => why,
+            NoPlace::Taken => Self::new(io::ErrorKind::AlreadyExists, why),
             NoPlace::Folder => Self::new(io::ErrorKind::IsADirectory, why),
             NoPlace::Link | NoPlace::Special => Self::new(io::ErrorKind::InvalidInput, why),
         }
@@ -137,12 +178,12 @@ impl From<NoPlace> for io::Error {
 }
 
 /// Refuses a place that holds anything but a regular file that may be written: a rename would
-/// replace it all the same.
+/// replace it all the same. Refuses such a file too where an existing one stays.
 ///
 /// Out: where the file itself is, which is elsewhere for a link.
 ///
 /// Errors: see [`NoPlace`].
-pub fn check_place(place: &Path) -> Result<PathBuf, NoPlace> {
+pub fn check_place(place: &Path, existing: Existing) -> Result<PathBuf, NoPlace> {
     if fs::symlink_metadata(place).is_err() {
         return Ok(place.to_owned());
     }
@@ -152,6 +193,9 @@ pub fn check_place(place: &Path) -> Result<PathBuf, NoPlace> {
     }
     if !about.is_file() || is_open_file(place) {
         return Err(NoPlace::Special);
+    }
+    if existing == Existing::Keep {
+        return Err(NoPlace::Taken);
     }
     OpenOptions::new().write(true).open(place)?;
     Ok(place.canonicalize()?)
@@ -171,10 +215,10 @@ fn is_open_file(path: &Path) -> bool {
 /// nor a folder, as a device or a pipe, is written into.
 ///
 /// Errors: what the system says, or why nothing can be replaced there.
-pub fn save(place: &Path, content: impl AsRef<[u8]>) -> io::Result<()> {
-    match check_place(place) {
+pub fn save(place: &Path, content: impl AsRef<[u8]>, existing: Existing) -> io::Result<()> {
+    match check_place(place, existing) {
         Err(NoPlace::Special) => fs::write(place, content),
-        _ => Staged::write(place, content).and_then(Staged::put_in_place),
+        _ => Staged::write(place, content, existing).and_then(Staged::put_in_place),
     }
 }
 
@@ -184,6 +228,7 @@ pub fn save(place: &Path, content: impl AsRef<[u8]>) -> io::Result<()> {
 pub struct Staged {
     file: NamedTempFile,
     place: PathBuf,
+    existing: Existing,
 }
 
 impl Staged {
@@ -191,21 +236,25 @@ impl Staged {
     /// replace, or of any new one.
     ///
     /// Errors: a place of which [`NoPlace`] tells, or what the system says.
-    pub fn begin(place: &Path) -> io::Result<Self> {
-        let place = check_place(place)?;
+    pub fn begin(place: &Path, existing: Existing) -> io::Result<Self> {
+        let place = check_place(place, existing)?;
         let file = beside(&place)?;
         if let Ok(old) = fs::metadata(&place) {
             // Some file systems know no rights.
             let _ = file.as_file().set_permissions(old.permissions());
         }
-        Ok(Self { file, place })
+        Ok(Self {
+            file,
+            place,
+            existing,
+        })
     }
 
     /// Writes a file beside `place`, see [`Staged::begin`]; it is on the disk then.
     ///
     /// Errors: as [`Staged::begin`].
-    pub fn write(place: &Path, content: impl AsRef<[u8]>) -> io::Result<Self> {
-        let mut staged = Self::begin(place)?;
+    pub fn write(place: &Path, content: impl AsRef<[u8]>, existing: Existing) -> io::Result<Self> {
+        let mut staged = Self::begin(place, existing)?;
         staged.file.as_file_mut().write_all(content.as_ref())?;
         staged.sync()?;
         Ok(staged)
@@ -225,11 +274,15 @@ impl Staged {
         self.file.as_file().sync_all()
     }
 
-    /// Puts the file in its place, where it replaces an older one.
+    /// Puts the file in its place, where it replaces an older one if it may.
     ///
-    /// Errors: what the system says.
+    /// Errors: what the system says, also that a file has come there meanwhile.
     pub fn put_in_place(self) -> io::Result<()> {
-        let placed = self.file.persist(&self.place).map(drop);
+        let placed = match self.existing {
+            Existing::Keep => self.file.persist_noclobber(&self.place),
+            Existing::Replace => self.file.persist(&self.place),
+        };
+        let placed = placed.map(drop);
         placed.map_err(|failed| failed.error)
     }
 }
@@ -239,12 +292,52 @@ fn beside(place: &Path) -> io::Result<NamedTempFile> {
     // As much of it as leaves room for the rest of a name.
     let name: String = name.to_string_lossy().chars().take(40).collect();
     let prefix = format!(".{name}.");
+    let folder = folder_of(place);
+    remove_leftovers(folder, &prefix);
     let mut builder = tempfile::Builder::new();
-    builder.prefix(&prefix).suffix(".part");
-    // `tempfile_in` would put this file's name into the errors, which nobody has given.
-    builder.make_in(folder_of(place), |path| {
-        OpenOptions::new().write(true).create_new(true).open(path)
-    })
+    builder.prefix(&prefix).suffix(PART);
+    loop {
+        // `tempfile_in` would put this file's name into the errors, which nobody has given.
+        let file = builder.make_in(folder, |path| {
+            OpenOptions::new().write(true).create_new(true).open(path)
+        })?;
+        // Another process may have taken it for a leftover before it was locked. Some file systems
+        // have no locks, and nobody removes a leftover there.
+        let is_own = !matches!(file.as_file().try_lock(), Err(TryLockError::WouldBlock));
+        if is_own && file.path().exists() {
+            return Ok(file);
+        }
+    }
+}
+
+/// How the names end of files that are not in their place yet.
+const PART: &str = ".part";
+
+/// Removes the files that begin so and whose writer was killed: it had them locked.
+fn remove_leftovers(folder: &Path, prefix: &str) {
+    let Ok(entries) = fs::read_dir(folder) else {
+        return;
+    };
+    for entry in entries.flatten() {
+        let name = entry.file_name();
+        let middle = name.to_str().and_then(|name| {
+            let rest = name.strip_prefix(prefix)?;
+            rest.strip_suffix(PART)
+        });
+        // What `tempfile` puts between.
+        let is_part = middle.is_some_and(|middle| {
+            middle.len() == 6 && middle.bytes().all(|byte| byte.is_ascii_alphanumeric())
+        });
+        let path = entry.path();
+        if is_part
+            && entry.file_type().is_ok_and(|kind| kind.is_file())
+            && let Ok(file) = OpenOptions::new().write(true).open(&path)
+            && file.try_lock().is_ok()
+        {
+            // What can't be removed is in nobody's way.
+            let _ = fs::remove_file(path);
+        }
+    }
 }
 
 fn folder_of(place: &Path) -> &Path {
@@ -314,13 +407,13 @@ mod tests {
         fs::write(&file, "old").unwrap();
         fs::set_permissions(&file, PermissionsExt::from_mode(0o600)).unwrap();
         symlink(&file, &link).unwrap();
-        save(&link, "new").unwrap();
+        save(&link, "new", Existing::Replace).unwrap();
         assert_eq!(fs::read_link(&link).unwrap(), file);
         assert_eq!(fs::read_to_string(&file).unwrap(), "new");
         let mode = fs::metadata(&file).unwrap().permissions().mode();
         assert_eq!(mode & 0o777, 0o600);
         fs::remove_file(&file).unwrap();
-        let told = save(&link, "newer").unwrap_err();
+        let told = save(&link, "newer", Existing::Replace).unwrap_err();
         assert_eq!(told.to_string(), "the link leads nowhere");
         assert_eq!(names(folder.path()), ["link"]);
     }
@@ -333,7 +426,7 @@ mod tests {
         let pipe = folder.path().join("report.json");
         let made = std::process::Command::new("mkfifo").arg(&pipe).status();
         assert!(made.is_ok_and(|status| status.success()), "no mkfifo here");
-        let told = Staged::write(&pipe, "new").unwrap_err();
+        let told = Staged::write(&pipe, "new", Existing::Replace).unwrap_err();
         assert_eq!(told.to_string(), "it is no regular file");
         for told in [
             both(folder.path(), "", &OLD).map(drop),
@@ -353,18 +446,21 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let mut file = File::create_new(folder.path().join("out")).unwrap();
         let place = PathBuf::from(format!("/proc/self/fd/{}", file.as_raw_fd()));
-        assert!(matches!(check_place(&place), Err(NoPlace::Special)));
-        save(&place, "text").unwrap();
+        assert!(matches!(
+            check_place(&place, Existing::Keep),
+            Err(NoPlace::Special)
+        ));
+        save(&place, "text", Existing::Keep).unwrap();
         file.write_all(b"T").unwrap();
         let mut text = String::new();
         let mut again = File::open(folder.path().join("out")).unwrap();
         again.read_to_string(&mut text).unwrap();
         assert_eq!(text, "Text");
         assert!(matches!(
-            check_place(Path::new("/dev/full")),
+            check_place(Path::new("/dev/full"), Existing::Keep),
             Err(NoPlace::Special)
         ));
-        let told = save(Path::new("/dev/full"), "text").unwrap_err();
+        let told = save(Path::new("/dev/full"), "text", Existing::Keep).unwrap_err();
         assert_eq!(told.kind(), io::ErrorKind::StorageFull);
     }
 
@@ -378,7 +474,7 @@ mod tests {
         fs::set_permissions(&file, rights).unwrap();
         // Root may.
         let may = OpenOptions::new().write(true).open(&file).is_ok();
-        assert_eq!(save(&file, "new").is_ok(), may);
+        assert_eq!(save(&file, "new", Existing::Replace).is_ok(), may);
         let left = fs::read_to_string(&file).unwrap();
         assert_eq!(left, if may { "new" } else { "old" });
     }
@@ -386,7 +482,46 @@ mod tests {
     #[test]
     fn a_long_name_can_be_written() {
         let folder = tempfile::tempdir().unwrap();
-        save(&folder.path().join("n".repeat(255)), "text").unwrap();
+        save(&folder.path().join("n".repeat(255)), "text", Existing::Keep).unwrap();
+    }
+
+    #[test]
+    fn a_file_was_replaced_without_a_word() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("file");
+        let begun = Staged::write(&file, "first", Existing::Keep).unwrap();
+        save(&file, "old", Existing::Keep).unwrap();
+        let late = begun.put_in_place().unwrap_err();
+        let told = save(&file, "new", Existing::Keep).unwrap_err();
+        for why in [late, told] {
+            let told = not_written(&file, &why, "another one");
+            assert!(
+                told.ends_with("choose another one, or replace it with --force"),
+                "{told}"
+            );
+        }
+        assert_eq!(fs::read_to_string(&file).unwrap(), "old");
+        save(&file, "new", Existing::Replace).unwrap();
+        assert_eq!(fs::read_to_string(&file).unwrap(), "new");
+        assert_eq!(names(folder.path()), ["file"]);
+    }
+
+    #[test]
+    fn what_a_killed_process_left_beside_a_file_stayed_there() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("file");
+        let others = [".file.user.part", ".filer.abcdef.part", "file.abcdef.part"];
+        for name in others.iter().chain(&[".file.abcdef.part"]) {
+            fs::write(folder.path().join(name), "left").unwrap();
+        }
+        // One that another process is writing stays.
+        let begun = Staged::begin(&file, Existing::Keep).unwrap();
+        save(&file, "new", Existing::Keep).unwrap();
+        assert_eq!(names(folder.path()).len(), others.len() + 2);
+        drop(begun);
+        let mut left = [&others[..], &["file"]].concat();
+        left.sort_unstable();
+        assert_eq!(names(folder.path()), left);
     }
 
     #[test]

@@ -8,6 +8,8 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 
+use output::write::Existing;
+
 use super::calibration_file;
 use super::error::{FileError, Problem};
 
@@ -69,6 +71,8 @@ pub struct Arguments {
     pub from: Option<CalibrateFrom>,
     /// Print JSON on the standard output instead of the tables.
     pub json: bool,
+    /// What becomes of a file where the calibration is to be saved.
+    pub existing: Existing,
     /// The rest.
     pub options: Options,
 }
@@ -127,7 +131,7 @@ impl Arguments {
         if inputs.any(|input| is_same(input, save)) {
             return refuse(save, Problem::SaveOverInput);
         }
-        calibration_file::check_place(save)
+        calibration_file::check_place(save, self.existing)
     }
 }
 

@@ -25,7 +25,7 @@ use tilt::uncertainty::{Budget, Span, TCO, Uncertainty};
 use tilt::vector::Vector;
 
 use super::error::{FileError, Impossible, Problem};
-use output::write::{self, Staged};
+use output::write::{self, Existing, Staged};
 
 /// What `format` says.
 pub const FORMAT: &str = "plumb-calibration";
@@ -439,15 +439,15 @@ fn bytes(path: &Path) -> Result<Vec<u8>, Problem> {
 }
 
 /// Refuses a place where no calibration can be saved, see [`NoPlace`](output::write::NoPlace).
-pub fn check_place(path: &Path) -> Result<(), FileError> {
-    let place = write::check_place(path).map(drop);
+pub fn check_place(path: &Path, existing: Existing) -> Result<(), FileError> {
+    let place = write::check_place(path, existing).map(drop);
     place.map_err(|why| not_written(path)(Problem::not_writable(&why.into())))
 }
 
 /// Writes a calibration file beside its place.
-pub fn stage(path: &Path, channels: &[Channel]) -> Result<Staged, FileError> {
+pub fn stage(path: &Path, channels: &[Channel], existing: Existing) -> Result<Staged, FileError> {
     let text = to_text(channels).map_err(not_written(path))?;
-    let file = Staged::write(path, &text);
+    let file = Staged::write(path, &text, existing);
     file.map_err(|error| not_written(path)(Problem::not_writable(&error)))
 }
 

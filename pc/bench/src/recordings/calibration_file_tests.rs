@@ -5,7 +5,7 @@ use proptest::prelude::*;
 use super::*;
 
 fn save(path: &Path, channels: &[Channel]) -> Result<(), FileError> {
-    put_in_place(path, stage(path, channels)?)
+    put_in_place(path, stage(path, channels, Existing::Replace)?)
 }
 
 /// A channel as a pose calibration leaves it.

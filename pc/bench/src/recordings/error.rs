@@ -59,6 +59,11 @@ pub enum Problem {
     /// It could not be written: what the system says.
     #[error("can't be written ({0}); give another path")]
     NotWritable(String),
+    /// A file is where the calibration is to be saved.
+    #[error(
+        "is there already; choose another file with --save-calibration, or replace it with --force"
+    )]
+    Taken,
     /// More than two recordings: this is the third.
     #[error("a third recording; give one for one channel or two for a cross-check")]
     TooManyFiles,
@@ -303,7 +308,10 @@ impl Problem {
 
     /// What the system says of a file that is written.
     pub fn not_writable(error: &io::Error) -> Self {
-        Self::NotWritable(plain(error))
+        match error.kind() {
+            io::ErrorKind::AlreadyExists => Self::Taken,
+            _ => Self::NotWritable(plain(error)),
+        }
     }
 }
 

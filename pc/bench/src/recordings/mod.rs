@@ -70,7 +70,10 @@ pub fn run(arguments: &Arguments, progress: &Progress) -> Result<ExitCode, Error
     let records: Vec<_> = channels.into_iter().map(|channel| channel.record).collect();
     // Complete beside its place before the report is written, put in its place after.
     let kept = match &arguments.options.save_calibration {
-        Some(path) => Some((path, calibration_file::stage(path, &records)?)),
+        Some(path) => Some((
+            path,
+            calibration_file::stage(path, &records, arguments.existing)?,
+        )),
         None => None,
     };
     let written = write::both(arguments.folder(), &replay_page::replay(&report), &report)?;

@@ -91,7 +91,8 @@ fn angles_of_the_robots_slow_run_come_back_on_the_fast_one() {
             std::process::id()
         ));
         let records: Vec<_> = channels.into_iter().map(|channel| channel.record).collect();
-        let staged = calibration_file::stage(&kept, &records).unwrap();
+        let staged =
+            calibration_file::stage(&kept, &records, output::write::Existing::Keep).unwrap();
         staged.put_in_place().unwrap();
         fast.options.calibration = Some(kept.clone());
         let (_, fast) = replayed(&fast);

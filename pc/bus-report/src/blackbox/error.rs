@@ -1,12 +1,14 @@
 //! Why what nodes remember could not be listed: one sentence that names node or file.
 
 use std::io;
+use std::path::PathBuf;
 
 use super::decode::DecodeError;
 use bus_master::fault::Fault;
 use bus_master::nodes::NodesError;
 use output::printable;
 use output::unreadable::Unreadable;
+use output::write::not_written;
 
 /// What went wrong.
 #[derive(Debug, thiserror::Error)]
@@ -30,11 +32,8 @@ pub enum FaultsError {
     )]
     File(String, DecodeError),
     /// A file could not be written.
-    #[error(
-        "cannot write {a}: {1}; make room or choose another folder with --boxes",
-        a = printable(.0)
-    )]
-    Write(String, io::Error),
+    #[error("{a}", a = not_written(.0, .1, "another folder with --boxes"))]
+    Write(PathBuf, io::Error),
     /// The list could not be turned into JSON.
     #[error("cannot put the list into JSON: {0}; please report this as a defect")]
     Json(serde_json::Error),

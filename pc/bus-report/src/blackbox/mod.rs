@@ -24,7 +24,7 @@ use bus_master::nodes::NodeOption;
 use bus_master::{Bus, BusOptions};
 use output::stdout;
 use output::unreadable::Unreadable;
-use output::write::Staged;
+use output::write::{Existing, Staged, check_place};
 use output::{plural, printable};
 
 use data::MemoryReport;
@@ -47,6 +47,9 @@ pub struct Arguments {
     /// Save fault logs and boxes in this folder, as received, and the boxes as CSV too
     #[arg(long, value_name = "DIR")]
     pub boxes: Option<PathBuf>,
+    /// Replace files of --boxes that are there already
+    #[arg(long, requires = "boxes")]
+    pub force: bool,
     /// Print one JSON object
     #[arg(long)]
     pub json: bool,
@@ -126,7 +129,10 @@ fn ask_all(arguments: &Arguments, report: &mut FaultsReport) -> Result<(), Fault
         let asked = ask(&mut bus, node).and_then(|(bytes, memory)| {
             report.memories.push(memory);
             match &arguments.boxes {
-                Some(folder) => save(folder, node, &bytes, &mut report.saved),
+                Some(folder) => {
+                    let existing = Existing::of(arguments.force);
+                    save((folder, existing), node, &bytes, &mut report.saved)
+                }
                 None => Ok(()),
             }
         });
@@ -180,34 +186,44 @@ pub fn from_bus(
     Ok((memories, silent))
 }
 
-/// Writes what a node has given into the folder.
+/// Writes what a node has given into the folder: nothing where a file of it may not be replaced.
 fn save(
-    folder: &Path,
+    (folder, existing): (&Path, Existing),
     node: u8,
     bytes: &Bytes,
     saved: &mut Vec<String>,
 ) -> Result<(), FaultsError> {
-    let wrong = |path: &Path, why| FaultsError::Write(path.display().to_string(), why);
+    let wrong = |path: &Path, why| FaultsError::Write(path.to_owned(), why);
     fs::create_dir_all(folder).map_err(|why| wrong(folder, why))?;
-    let mut write = |name: String, content: &[u8]| {
-        let path = folder.join(name);
-        let written = Staged::write(&path, content).and_then(Staged::put_in_place);
+    let files: Vec<_> = files(node, bytes)
+        .into_iter()
+        .map(|(name, content)| (folder.join(name), content))
+        .collect();
+    for (path, _) in &files {
+        check_place(path, existing).map_err(|why| wrong(path, why.into()))?;
+    }
+    for (path, content) in files {
+        let written = Staged::write(&path, content, existing).and_then(Staged::put_in_place);
         written.map_err(|why| wrong(&path, why))?;
         saved.push(path.display().to_string());
-        Ok(())
-    };
-    write(format!("node-{node}-fault-log.bin"), &bytes.log)?;
+    }
+    Ok(())
+}
+
+/// The files of what a node has given: their names and contents.
+fn files(node: u8, bytes: &Bytes) -> Vec<(String, Vec<u8>)> {
+    let mut files = vec![(format!("node-{node}-fault-log.bin"), bytes.log.clone())];
     for (number, content) in (1..).zip(&bytes.boxes) {
         let Some(content) = content else {
             continue;
         };
-        write(format!("node-{node}-box-{number}.bin"), content)?;
+        files.push((format!("node-{node}-box-{number}.bin"), content.clone()));
         if let Ok(samples) = decode::samples(content) {
             let text = csv::samples(&samples);
-            write(format!("node-{node}-box-{number}.csv"), text.as_bytes())?;
+            files.push((format!("node-{node}-box-{number}.csv"), text.into_bytes()));
         }
     }
-    Ok(())
+    files
 }
 
 /// What the terminal shows.

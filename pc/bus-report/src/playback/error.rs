@@ -1,10 +1,12 @@
 //! Why logs could not be played back: one sentence each.
 
 use std::io;
+use std::path::PathBuf;
 
 use bus_logs::LogError;
 use bus_master::JoinError;
 use listen::PlanError;
+use output::write::not_written;
 use output::{plural, printable};
 
 /// Logs that could not be played back.
@@ -23,11 +25,8 @@ pub enum PlaybackError {
     )]
     ExportName(String),
     /// The table could not be written.
-    #[error(
-        "{a} can't be written: {1}; make room or give --export another name",
-        a = printable(.0)
-    )]
-    Export(String, io::Error),
+    #[error("{a}", a = not_written(.0, .1, "another file with --export"))]
+    Export(PathBuf, io::Error),
     /// The table would overwrite a file that is read.
     #[error("{a} is read by this replay; give --export another name", a = printable(.0))]
     ExportOverInput(String),

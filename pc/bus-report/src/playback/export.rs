@@ -17,7 +17,7 @@ use super::summary::Summary;
 use bus_logs::{Format, Logged, Writer};
 use listen::Meaning;
 use listen::eds::Device;
-use output::write::Staged;
+use output::write::{Existing, Staged};
 
 /// A table under way.
 pub struct Export {
@@ -49,9 +49,11 @@ pub struct Exported {
 impl Export {
     /// Begins a table.
     ///
-    /// Errors: the name tells no format, is that of a log, or can't be written.
+    /// Errors: the name tells no format, is that of a log, is of a file that stays, or can't be
+    /// written.
     pub fn create(
         path: &Path,
+        existing: Existing,
         inputs: &[PathBuf],
         devices: &[Device],
     ) -> Result<Self, PlaybackError> {
@@ -68,8 +70,8 @@ impl Export {
         }
         let made = Rows::new(devices);
         let signals = made.signals();
-        let failed = |why| PlaybackError::Export(path.display().to_string(), why);
-        let staged = Staged::begin(path).map_err(failed)?;
+        let failed = |why| PlaybackError::Export(path.to_owned(), why);
+        let staged = Staged::begin(path, existing).map_err(failed)?;
         let file = staged.handle().map_err(failed)?;
         let buffered = |file| BufWriter::with_capacity(1 << 18, file);
         let table = match ending.as_str() {
@@ -118,12 +120,12 @@ impl Export {
     }
 
     fn failed(&self, why: io::Error) -> PlaybackError {
-        PlaybackError::Export(self.path.display().to_string(), why)
+        PlaybackError::Export(self.path.clone(), why)
     }
 
     /// Puts the whole table in its place.
     pub fn finish(self) -> Result<Exported, PlaybackError> {
-        let failed = |why| PlaybackError::Export(self.path.display().to_string(), why);
+        let failed = |why| PlaybackError::Export(self.path.clone(), why);
         match self.table {
             Table::Csv(mut out) => out.flush().map_err(failed)?,
             Table::Parquet(file) => file.finish().map_err(failed)?,

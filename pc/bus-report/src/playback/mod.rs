@@ -28,6 +28,7 @@ use bus_logs::Moment;
 use listen::Unnamed;
 use output::progress::Progress;
 use output::stdout;
+use output::write::Existing;
 
 pub use error::PlaybackError;
 pub use options::Options;
@@ -38,6 +39,17 @@ use export::Export;
 use reading::Reading;
 use summary::Summary;
 
+/// What is asked of the logs beside their own options.
+#[derive(Clone, Copy, Debug)]
+pub struct Asked {
+    /// Where they begin.
+    pub from: Option<Moment>,
+    /// Print JSON.
+    pub json: bool,
+    /// What becomes of a file where the table is to be.
+    pub existing: Existing,
+}
+
 /// Reads the logs and tells what they say, or plays them; exit status 0, whatever that is.
 ///
 /// Errors: see [`PlaybackError`]. When all is done and told, one that says what of the logs could
@@ -45,8 +57,11 @@ use summary::Summary;
 pub fn run(
     paths: &[PathBuf],
     options: &Options,
-    from: Option<Moment>,
-    json: bool,
+    Asked {
+        from,
+        json,
+        existing,
+    }: Asked,
     progress: &Progress,
 ) -> Result<ExitCode, PlaybackError> {
     if options.onto.is_some() {
@@ -56,7 +71,7 @@ pub fn run(
     let part = options.part(from).part()?;
     let (plan, devices) = options.plan.plan(Unnamed::One)?;
     let mut export = match &options.export {
-        Some(path) => Some(Export::create(path, paths, &devices)?),
+        Some(path) => Some(Export::create(path, existing, paths, &devices)?),
         None => None,
     };
     let channel = options.channel.as_deref();

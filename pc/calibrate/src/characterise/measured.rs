@@ -20,6 +20,7 @@ use crate::CalibrateError;
 use crate::folder::MEASURED;
 use crate::kept::put;
 use crate::session::Node;
+use output::write::Existing;
 use output::{hex, json};
 
 /// Name of the format.
@@ -202,7 +203,7 @@ impl Measured {
         let text = json::to_lines(self);
         let text = text.map_err(|error| CalibrateError::File(path.clone(), error.into()))?;
         fs::create_dir_all(folder).map_err(CalibrateError::file(&path))?;
-        put(&path, &sealed(&text, ""))
+        put(&path, &sealed(&text, ""), Existing::Replace)
     }
 
     /// The run in a folder, to go on from with what `begun` says.

@@ -46,6 +46,7 @@ use crate::motor::{Axis, Motor, ScpiMotor};
 use crate::session::{Session, encode};
 use crate::{CalibrateError, Common, kept};
 use output::progress::Progress;
+use output::write::Existing;
 
 /// What keeps the temperature, what turns the housing, and through which temperatures.
 #[derive(Clone, Debug, Args)]
@@ -307,7 +308,7 @@ impl Work<'_> {
         let measured = Measured::resume(self.folder.own(), &begun)?;
         let place = self.folder.found();
         if place.symlink_metadata().is_err() {
-            kept::save(&place, &found)?;
+            kept::save(&place, &found, Existing::Replace)?;
         }
         let (over, all) = (measured.dwells.len(), begun.profile.places().count());
         (self.tell)(&format!("{over} of {all} dwells were measured before"));

@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 
 use device::records::{Record, RecordStore};
 use flash::check_sum::Crc32;
-use output::write::Staged;
+use output::write::{Existing, Staged};
 use sim::memory::{self, Memory};
 
 use super::stage::Stage;
@@ -135,7 +135,7 @@ fn store(path: &Path, bytes: &[u8]) -> Result<(), ServeError> {
 
 /// Does not wait for the disk, since the nodes would stand still meanwhile.
 fn replace(path: &Path, content: &[u8]) -> io::Result<()> {
-    let staged = Staged::begin(path)?;
+    let staged = Staged::begin(path, Existing::Replace)?;
     staged.handle()?.write_all(content)?;
     staged.put_in_place()
 }
