@@ -519,6 +519,23 @@ mod tests {
         assert_eq!(activated, Some(Request::Activate { kbit_s, delay_ms }));
     }
 
+    /// CiA 305 keeps the node-id pending there, and does not mention the bit rate.
+    #[test]
+    fn what_was_configured_stays_over_the_state_waiting() {
+        let mut lss = Lss::new();
+        lss.start(5);
+        lss.take_node_id();
+        ask(&mut lss, &A, &[SWITCH_GLOBAL, 1]);
+        ask(&mut lss, &A, &[CONFIGURE_NODE_ID, 9]);
+        ask(&mut lss, &A, &[CONFIGURE_BIT_TIMING, 0, 2]);
+        ask(&mut lss, &A, &[SWITCH_GLOBAL, 0]);
+        ask(&mut lss, &A, &[SWITCH_GLOBAL, 1]);
+        let stored = ask(&mut lss, &A, &[STORE]).0;
+        let (node_id, kbit_s) = (9, Some(500));
+        assert_eq!(stored, Some(Request::Store { node_id, kbit_s }));
+        assert_eq!(lss.take_node_id(), 9);
+    }
+
     #[test]
     fn automatic_detection_is_stored_as_such_and_not_lost() {
         let mut lss = Lss::new();

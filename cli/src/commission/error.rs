@@ -182,6 +182,20 @@ pub enum CommissionError {
         a = listed(.1)
     )]
     StillStored(Fault, Vec<u8>, u16),
+    /// It ended before the nodes were reset, and the old node-ids could not be stored again: why,
+    /// and what the nodes were given, as [`given`] names it.
+    #[error(
+        "{0}; new node-ids may be stored and count from the next reset on: {1}; give the ones that \
+         are to be used with `plumb node-id`"
+    )]
+    StillGiven(Fault, String),
+    /// It ended when the nodes had their new node-ids: why, and the node-ids.
+    #[error(
+        "{0}; these nodes have their new node-ids: {a}; the two channels of an instrument are set \
+         to each other by `plumb node-id --pair A,B --node A,B`",
+        a = listed(.1)
+    )]
+    Given(Fault, Vec<u8>),
     /// The other channel of an instrument does not answer and would not follow.
     #[error(
         "{0}, so nothing was written: reconnect it, or use --force to change the nodes that are \

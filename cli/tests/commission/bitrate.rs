@@ -1,12 +1,11 @@
 //! Changes of the bit rate that are refused, interrupted, or follow an interrupted one.
 
-use std::io::{BufReader, prelude::*};
-use std::net::TcpStream;
-use std::process::{Child, Command, Stdio};
+use std::process::Child;
 use std::thread::sleep;
 use std::time::Duration;
 
 use super::bench::*;
+use super::watch::*;
 
 const BOTH_AS_BEFORE: &str = "node 1: 250 kbit/s\nnode 2: 250 kbit/s";
 
@@ -17,52 +16,8 @@ const NOT_REACHED: &str = "note: these nodes were not reached and keep their bit
 /// NMT: reset node.
 const RESET: u8 = 0x81;
 
-/// A second client of the bus, which sees the frames of the first.
-struct Watch(BufReader<TcpStream>);
-
-impl Watch {
-    fn new(bench: &Bench) -> Self {
-        let mut stream = TcpStream::connect(&bench.bus).unwrap();
-        write!(stream, "< open plumb >< rawmode >").unwrap();
-        sleep(Duration::from_millis(200));
-        Self(BufReader::new(stream))
-    }
-
-    /// Sends a request of the LSS master.
-    fn request(&mut self, bytes: &str) {
-        write!(self.0.get_mut(), "< send 7E5 8 {bytes} >").unwrap();
-    }
-
-    /// Waits for a request of the LSS master that begins so.
-    fn until(&mut self, begin: &str) {
-        loop {
-            let mut word = Vec::new();
-            assert!(self.0.read_until(b'>', &mut word).unwrap() > 0, "{begin}");
-            let word = String::from_utf8_lossy(&word).into_owned();
-            let mut parts = word.split_whitespace().skip_while(|part| *part != "frame");
-            let is_request = parts.nth(1) == Some("7E5");
-            if is_request && parts.nth(1).is_some_and(|bytes| bytes.starts_with(begin)) {
-                return;
-            }
-        }
-    }
-}
-
 fn begun(bench: &Bench) -> Child {
-    let mut change = plumb(&["bitrate", "500", "--bus", &bench.bus]);
-    let pipes = change.stdout(Stdio::piped()).stderr(Stdio::piped());
-    pipes.spawn().unwrap()
-}
-
-/// What a change says that is interrupted now.
-fn interrupted(change: Child) -> String {
-    let id = change.id().to_string();
-    let sent = Command::new("kill").args(["-INT", &id]).status().unwrap();
-    assert!(sent.success());
-    let (status, _, err) = said(&change.wait_with_output().unwrap());
-    assert_eq!(status, Some(2), "{err}");
-    assert_eq!(err.lines().count(), 1, "{err}");
-    err
+    begin(bench, &["bitrate", "500"])
 }
 
 #[test]

@@ -5,9 +5,13 @@ mod bench;
 mod bitrate;
 #[cfg(unix)]
 mod cut_short;
+#[cfg(unix)]
+mod node_id;
 #[path = "../program/mod.rs"]
 mod program;
 mod silence;
 mod states;
 mod values;
 mod verbs;
+#[cfg(unix)]
+mod watch;

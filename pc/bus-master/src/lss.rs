@@ -209,6 +209,16 @@ impl<'a> Master<'a> {
         self.service("configure node-id", CONFIGURE_NODE_ID, u32::from(id))
     }
 
+    /// The node in the configuration state takes this node-id in place of the one that it was just
+    /// given, and stores it, once it has stored the other one where it was told to.
+    ///
+    /// Errors: see [`LssError`].
+    pub fn store_node_id_instead(&mut self, id: u8) -> Result<usize, LssError> {
+        while self.answer(STORE, STORING)?.is_some() {}
+        self.configure_node_id(id)?;
+        self.store()
+    }
+
     /// Tells the nodes in the configuration state the bit rate, by its index in [`BIT_RATES`].
     /// Returns how many answers came in a quarter of a second.
     ///

@@ -4,7 +4,8 @@
 //! In: a new node-id for one node (`--node`, or the one that has none), or two for the channels A
 //! and B of an instrument (`--pair 10,11`; the two without node-ids, or those named). Out: nodes
 //! that have it, now and after a power cut, and that find each other: what was done, line by
-//! line, or one JSON object. A step that fails ends it; what was printed before is done.
+//! line, or one JSON object. A step that fails ends it. Before the reset that makes the new
+//! node-ids count, the old ones are stored again (`give`); after it, what was printed is done.
 //!
 //! The channels find each other by numbers that stay as they are: 2001h, the heartbeat that is
 //! supervised (1016h:1), and what RPDO 1 and 2 receive (1400h:1, 1401h:1; with a gyroscope that of
@@ -15,6 +16,7 @@
 //!
 //! Left out: identifiers of safety frames, which do not follow the node-id; a sentence says so.
 
+mod give;
 mod known;
 
 use std::borrow::Cow;
@@ -37,6 +39,7 @@ use bus_master::nodes::{self, NodeOption, Nodes};
 use bus_master::sdo::{Client, SdoError};
 use bus_master::survey::survey;
 use codes::words;
+use give::Member;
 
 /// How long is listened for who is there.
 const ASKING: Duration = Duration::from_millis(400);
@@ -96,18 +99,6 @@ pub struct Arguments {
     pub common: CommonOptions,
 }
 
-/// A node on its way to its new node-id.
-#[derive(Clone, Debug, Serialize)]
-struct Member {
-    channel: Option<char>,
-    old_node: Option<u8>,
-    node: u8,
-    serial_number: u32,
-    peer: Option<u8>,
-    #[serde(skip)]
-    identity: Identity,
-}
-
 #[derive(Clone, Debug, Serialize)]
 struct Content {
     nodes: Vec<Member>,
@@ -127,6 +118,8 @@ struct Work<'a> {
     may_stop: bool,
     /// Old and new node-ids of those that were taken out of OPERATIONAL.
     stopped: Vec<[u8; 2]>,
+    /// Those that have their new node-ids.
+    changed: Vec<u8>,
 }
 
 /// Gives node-ids and prints. Exit status 1: everything was done, and the two do not agree.
@@ -140,13 +133,18 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, CommissionError> {
         answer,
         may_stop: arguments.stop,
         stopped: Vec::new(),
+        changed: Vec::new(),
     };
     let done = match (arguments.pair, arguments.id) {
         (Some(pair), _) => work.pair(pair, &arguments.common.nodes),
         (None, id) => work.single(id.unwrap_or(1), &arguments.common.nodes),
     };
     let back = work.start_again(done.is_ok());
-    let (members, compare) = done?;
+    let changed = std::mem::take(&mut work.changed);
+    let (members, compare) = done.map_err(|error| match error {
+        CommissionError::Fault(why) if !changed.is_empty() => CommissionError::Given(why, changed),
+        error => error,
+    })?;
     back?;
     let notes: Vec<_> = compare.map(|_| SAFETY).into_iter().collect();
     let lines: String = notes.iter().map(|note| format!("note: {note}\n")).collect();
@@ -350,34 +348,22 @@ impl Work<'_> {
     /// Node-ids by LSS, stored; they count at the end of this.
     fn give(&mut self, members: &[Member]) -> Result<(), CommissionError> {
         self.stop(members)?;
-        for member in members
-            .iter()
-            .filter(|member| member.old_node != Some(member.node))
-        {
-            let mut master = Master::begin(self.bus).map_err(Fault::from)?;
-            let given = match master.select(&member.identity) {
-                Ok(true) => master
-                    .configure_node_id(member.node)
-                    .and_then(|()| master.store())
-                    .map(|_| true),
-                silent_or_lost => silent_or_lost,
-            };
-            // Nobody is left behind in the configuration state, whatever became of it.
-            let back = master.switch_all(false);
-            let given = given.map_err(Fault::from)?;
-            back.map_err(Fault::from)?;
-            let id = member.node;
-            if !given {
-                return Err(CommissionError::NotSelected(member.old_node.unwrap_or(id)));
-            }
-            self.say(&format!(
-                "{}: node-id {id} is given and stored",
-                named(member)
-            ))?;
+        let is_new = |member: &&Member| member.old_node != Some(member.node);
+        let new: Vec<_> = members.iter().filter(is_new).collect();
+        for (place, member) in new.iter().enumerate() {
+            let given = give::give(self.bus, member).and_then(|()| {
+                let id = member.node;
+                self.say(&format!(
+                    "{}: node-id {id} is given and stored",
+                    named(member)
+                ))
+            });
+            given.map_err(|why| give::take_back(self.bus, &new[..place], why))?;
         }
         for old in members.iter().filter_map(|member| member.old_node) {
             nmt::command(self.bus, Command::ResetCommunication, old).map_err(Fault::bus)?;
         }
+        self.changed = new.iter().map(|member| member.node).collect();
         for member in members {
             self.wait(member.node)?;
             self.renumber(member)?;

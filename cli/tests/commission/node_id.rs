@@ -1,0 +1,96 @@
+//! New node-ids that are interrupted.
+
+use std::thread::sleep;
+use std::time::Duration;
+
+use super::bench::*;
+use super::watch::*;
+
+/// NMT: reset node, reset communication.
+const RESETS: [u8; 2] = [0x81, 0x82];
+
+const NEW: [&str; 3] = ["node-id", "--pair", "10,11"];
+
+/// The node-ids on the bus, also after resets of the nodes.
+fn assert_are(bench: &Bench, ids: [u8; 2]) {
+    for command in [None, Some(RESETS[1]), Some(RESETS[0])] {
+        if let Some(command) = command {
+            bench.nmt(command, 0);
+        }
+        let scan = bench.json(&["scan"]);
+        let nodes = scan["nodes"].as_array().unwrap();
+        let found: Vec<_> = nodes.iter().map(|node| node["node"].as_u64()).collect();
+        assert_eq!(found, ids.map(|id| Some(u64::from(id))), "{command:?}");
+    }
+}
+
+/// Interrupts new node-ids at such a request, by its number, and expects the old ones.
+fn assert_taken_back(bench: &Bench, request: &str, number: usize) {
+    let mut watch = Watch::new(bench);
+    let change = begin(bench, &[&NEW[..], &["--node", "1,2"]].concat());
+    for _ in 0..number {
+        watch.until(request);
+    }
+    assert_eq!(interrupted(change), "plumb: interrupted");
+    assert_are(bench, [1, 2]);
+}
+
+#[test]
+fn node_id_interrupted_before_it_was_stored_left_it_pending() {
+    assert_taken_back(&Bench::quick(&[]), "11", 1);
+}
+
+#[test]
+fn node_id_interrupted_before_the_reset_left_it_stored() {
+    let bench = Bench::quick(&[]);
+    assert_taken_back(&bench, "17", 1);
+    // The first channel has stored its own by then.
+    assert_taken_back(&bench, "17", 2);
+}
+
+#[test]
+fn node_id_interrupted_on_fresh_nodes_left_one_with_a_node_id() {
+    let bench = Bench::quick(&["--node-ids", "none"]);
+    let mut watch = Watch::new(&bench);
+    let change = begin(&bench, &NEW);
+    watch.until("17");
+    watch.until("17");
+    assert_eq!(interrupted(change), "plumb: interrupted");
+    sleep(Duration::from_millis(500));
+    let (status, _, told) = bench.say(&["get", "heartbeat"]);
+    assert_eq!(status, Some(2), "{told}");
+    assert!(
+        told.contains("a node without a node-id is on the bus"),
+        "{told}"
+    );
+    let done = bench.say(&NEW).1;
+    assert!(done.contains("channel B: node-id 11 is given"), "{done}");
+}
+
+#[test]
+fn node_id_interrupted_on_a_dead_bus_did_not_say_what_is_stored() {
+    let mut bench = Bench::quick(&[]);
+    let mut watch = Watch::new(&bench);
+    let change = begin(&bench, &["node-id", "7", "--node", "1"]);
+    watch.until("17");
+    bench.word("power all off");
+    let told = interrupted(change);
+    assert!(
+        told.contains("may be stored") && told.contains("reset on: 7 for node 1;"),
+        "{told}"
+    );
+}
+
+#[test]
+fn node_id_interrupted_behind_the_reset_did_not_say_that_the_nodes_have_changed() {
+    let bench = Bench::quick(&[]);
+    let mut watch = Watch::new(&bench);
+    let change = begin(&bench, &[&NEW[..], &["--node", "1,2"]].concat());
+    watch.until_frame("000", "8202");
+    let told = interrupted(change);
+    assert!(
+        told.starts_with("plumb: interrupted; these nodes have their new node-ids: 10, 11;"),
+        "{told}"
+    );
+    assert_are(&bench, [10, 11]);
+}
