@@ -14,7 +14,7 @@ use std::process::ExitCode;
 
 use clap::Args;
 use flash::image::Version;
-use flash::layout::{BASE, HEADER, RAM, RC, Slot};
+use flash::layout::{HEADER, RC, Slot};
 use serde::Serialize;
 use sim::memory::{DEVELOPMENT, HARDWARE, SICK, SOUND, public_key, sign, unsigned};
 
@@ -290,22 +290,16 @@ fn body(path: &Path, slot: Slot) -> Result<Vec<u8>, ImageError> {
     }
 }
 
-/// Whether a body begins as a vector table does, a stack in the RAM and code in the flash, and the
-/// code is not in this slot. Of one that begins otherwise nobody knows: the programs for the nodes
-/// of `plumb serve` are text.
+/// Whether a body begins as a vector table does, and the code is not in this slot. Of one that
+/// begins otherwise nobody knows: the programs for the nodes of `plumb serve` are text.
 fn is_for_other(body: &[u8], slot: Slot) -> bool {
-    let (words, _) = body.as_chunks::<4>();
-    let [stack, reset, ..] = words else {
-        return false;
+    let in_slot = |reset: &u32| {
+        RC.slot(slot).is_some_and(|region| {
+            let first = region.address() + HEADER;
+            (first..region.address() + region.length).contains(reset)
+        })
     };
-    let (stack, reset) = (u32::from_le_bytes(*stack), u32::from_le_bytes(*reset));
-    let is_table =
-        (RAM..=RAM + RC.ram).contains(&stack) && (BASE..BASE + RC.flash).contains(&reset);
-    let in_slot = RC.slot(slot).is_some_and(|region| {
-        let first = region.address() + HEADER;
-        (first..region.address() + region.length).contains(&reset)
-    });
-    is_table && !in_slot
+    file::reset_vector(body).is_some_and(|reset| !in_slot(&reset))
 }
 
 fn read(path: &Path) -> Result<Vec<u8>, ImageError> {
@@ -385,7 +379,7 @@ mod tests {
     fn bodies_for_each_others_slots_were_taken() {
         let region = |slot| RC.slot(slot).unwrap();
         let table = |reset: u32| {
-            [RAM + RC.ram - 32, reset | 1]
+            [flash::layout::RAM + RC.ram - 32, reset | 1]
                 .map(u32::to_le_bytes)
                 .concat()
         };

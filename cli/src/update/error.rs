@@ -23,6 +23,20 @@ pub enum UpdateError {
     /// A file ends early, or its body is damaged.
     #[error("{path} is damaged: fetch it again", path = .0.display())]
     Damaged(PathBuf),
+    /// A file is for a debug probe.
+    #[error(
+        "{path} is for a debug probe (docs/bring-up.md): give the images for the two slots, as \
+         plumb-VERSION-slot-a.img and plumb-VERSION-slot-b.img",
+        path = .0.display()
+    )]
+    Probe(PathBuf),
+    /// A file is the paper's instrument's.
+    #[error(
+        "{path} is a program of the paper's instrument, which takes none over the bus: use a debug \
+         probe (docs/bring-up.md)",
+        path = .0.display()
+    )]
+    Paper(PathBuf),
     /// The files hold images of two versions.
     #[error(
         "the images are of two versions, {a} and {b}: give those of one",

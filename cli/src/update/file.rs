@@ -4,6 +4,8 @@
 //! a file that is to suit every node holds one for each slot. Each is its header and its body
 //! ([`flash::image`]), and the header says where the next one begins.
 //!
+//! A file for a debug probe is none of them, and is named as what it is.
+//!
 //! Left out: signatures, which the node judges.
 
 use std::fs;
@@ -11,7 +13,7 @@ use std::path::Path;
 
 use flash::check_sum::Crc32;
 use flash::image::{FIELDS, Header, ImageError, SIGNATURE_AT};
-use flash::layout::{HEADER, Layout, RC, Slot};
+use flash::layout::{BASE, C8, HEADER, Layout, RAM, RC, Slot};
 
 use super::error::UpdateError;
 
@@ -46,6 +48,10 @@ pub enum FileError {
     Image(ImageError),
     /// The bytes end early, or a body is not what was linked.
     Damaged,
+    /// They are for a debug probe: the whole flash of a part, or a program with its addresses.
+    Probe,
+    /// They are the paper's instrument's, which takes no program over the bus.
+    Paper,
 }
 
 /// The part that images are built for.
@@ -54,7 +60,7 @@ const LAYOUT: Layout = RC;
 /// Reads the images of these files; all are of one version.
 ///
 /// Errors: [`UpdateError::File`], [`UpdateError::Image`], [`UpdateError::Damaged`],
-/// [`UpdateError::Versions`].
+/// [`UpdateError::Probe`], [`UpdateError::Paper`], [`UpdateError::Versions`].
 pub fn read(paths: &[impl AsRef<Path>]) -> Result<Vec<Image>, UpdateError> {
     let mut images: Vec<Image> = Vec::new();
     for path in paths {
@@ -63,6 +69,8 @@ pub fn read(paths: &[impl AsRef<Path>]) -> Result<Vec<Image>, UpdateError> {
         let found = parse(&bytes).map_err(|error| match error {
             FileError::Image(error) => UpdateError::Image(path.to_owned(), error),
             FileError::Damaged => UpdateError::Damaged(path.to_owned()),
+            FileError::Probe => UpdateError::Probe(path.to_owned()),
+            FileError::Paper => UpdateError::Paper(path.to_owned()),
         })?;
         images.extend(found);
     }
@@ -80,7 +88,10 @@ fn parse(bytes: &[u8]) -> Result<Vec<Image>, FileError> {
     let mut images = Vec::new();
     let mut rest = bytes;
     while images.is_empty() || !rest.is_empty() {
-        let header = Header::parse(rest).map_err(FileError::Image)?;
+        let header = Header::parse(rest).map_err(|error| refused(rest, error))?;
+        if header.hardware == C8.hardware {
+            return Err(FileError::Paper);
+        }
         let slot = slot_of(&header).ok_or(FileError::Image(ImageError::Address))?;
         let length = HEADER as usize + header.length as usize;
         let (image, behind) = rest.split_at_checked(length).ok_or(FileError::Damaged)?;
@@ -95,6 +106,34 @@ fn parse(bytes: &[u8]) -> Result<Vec<Image>, FileError> {
         rest = behind;
     }
     Ok(images)
+}
+
+/// What bytes are that do not begin with a header.
+fn refused(bytes: &[u8], error: ImageError) -> FileError {
+    let app = bytes.get(C8.a.start as usize..).unwrap_or(&[]);
+    let is_paper = Header::parse(app).is_ok_and(|header| header.hardware == C8.hardware);
+    let is_hex = bytes.first() == Some(&b':') && bytes.is_ascii();
+    match error {
+        ImageError::Magic if is_paper => FileError::Paper,
+        ImageError::Magic if is_hex || bytes.starts_with(ELF) => FileError::Probe,
+        ImageError::Magic if reset_vector(bytes).is_some() => FileError::Probe,
+        error => FileError::Image(error),
+    }
+}
+
+/// How a linked program begins.
+const ELF: &[u8] = b"\x7fELF";
+
+/// Where the code begins by the vector table that bytes begin with: a stack in the RAM, and an
+/// address in the flash. `None` where they begin otherwise.
+pub fn reset_vector(bytes: &[u8]) -> Option<u32> {
+    let ([stack, reset, ..], _) = bytes.as_chunks::<4>() else {
+        return None;
+    };
+    let (stack, reset) = (u32::from_le_bytes(*stack), u32::from_le_bytes(*reset));
+    let is_table =
+        (RAM..=RAM + LAYOUT.ram).contains(&stack) && (BASE..BASE + LAYOUT.flash).contains(&reset);
+    is_table.then_some(reset)
 }
 
 /// The slot that an image is linked for.
@@ -129,6 +168,22 @@ mod tests {
             images[1].bytes,
             image(Slot::B, Version::new(1, 2, 3), SOUND)
         );
+    }
+
+    #[test]
+    fn a_file_for_a_debug_probe_was_no_image_without_a_remedy() {
+        let table = [RAM + 0x4FE0, BASE + 0x131].map(u32::to_le_bytes).concat();
+        for bytes in [&table[..], b":020000040800F2\n", b"\x7fELF\x01"] {
+            assert_eq!(parse(bytes), Err(FileError::Probe));
+        }
+        let version = Version::new(1, 2, 3);
+        let mut app = unsigned(Slot::A, C8.hardware, version, SOUND);
+        assert_eq!(parse(&app), Err(FileError::Paper));
+        let mut whole = table;
+        whole.resize(C8.a.start as usize, u8::MAX);
+        whole.append(&mut app);
+        assert_eq!(parse(&whole), Err(FileError::Paper));
+        assert_eq!(parse(b"text"), Err(FileError::Image(ImageError::Magic)));
     }
 
     #[test]
