@@ -285,6 +285,44 @@ fn a_full_disk_is_told_and_the_view_goes_on() {
     assert!(err.contains("recording to /dev/full has ended: "), "{err}");
 }
 
+/// An adapter whose line damages each second frame.
+fn damaged_adapter() -> String {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let at = listener.local_addr().unwrap().to_string();
+    std::thread::spawn(move || {
+        use std::io::{BufRead as _, BufReader, Write as _};
+        let (mut stream, _) = listener.accept().unwrap();
+        let lines = BufReader::new(stream.try_clone().unwrap()).split(b'\r');
+        for line in lines.map_while(Result::ok).take(3) {
+            stream.write_all(b"\r").unwrap();
+            if line == b"O" {
+                break;
+            }
+        }
+        // Until the monitor has gone.
+        while stream.write_all(b"t70117F\rt701\xB17F\r").is_ok() {
+            std::thread::sleep(Duration::from_millis(50));
+        }
+    });
+    at
+}
+
+#[test]
+fn damaged_lines_of_an_adapter_were_shown_as_missing_frames_alone() {
+    let seen = |more: &[&str]| {
+        let bus = format!("slcan://{}", damaged_adapter());
+        let options = [&["--bus", &bus, "--for", "3s"], more].concat();
+        said(&plumb(&options).output().unwrap())
+    };
+    let (status, out, err) = seen(&["--json"]);
+    assert_eq!((status, err.as_str()), (Some(0), ""));
+    let last: Value = serde_json::from_str(out.lines().last().unwrap()).unwrap();
+    assert!(last["bus"]["unreadable"].as_u64() > Some(10), "{last}");
+    assert_eq!(out.matches("lines of the adapter can't be read").count(), 1);
+    let out = seen(&[]).1;
+    assert!(out.contains("lines unreadable"), "{out}");
+}
+
 #[test]
 fn a_reader_that_has_enough_ends_it_without_a_word() {
     let bench = Bench::new();

@@ -138,6 +138,18 @@ impl Bus {
         }
     }
 
+    /// Lines of the adapter, or frames of the server, that can't be read, since the bus was joined:
+    /// what was in them is missing.
+    pub const fn unreadable(&self) -> u64 {
+        match &self.link {
+            Link::Socketcand(server) => server.unreadable(),
+            Link::Slcan(adapter) => adapter.unreadable(),
+            // Its frames are no text.
+            #[cfg(target_os = "linux")]
+            Link::Kernel(_) => 0,
+        }
+    }
+
     /// What the adapter has told of the wires since the bus was joined; one that can be asked is.
     ///
     /// Errors: as [`Bus::receive`].

@@ -27,12 +27,17 @@ const OPENINGS: usize = 3;
 /// After which errors the opening is tried again: no answer in time, and a refusal.
 const AGAIN: [io::ErrorKind; 2] = [io::ErrorKind::TimedOut, io::ErrorKind::InvalidData];
 
+/// How the other answers of an adapter begin: a frame is taken, version, serial number.
+const ANSWERS: &[u8] = b"zZVvN";
+
 /// An adapter whose channel is open.
 #[derive(Debug)]
 pub struct Client {
     intake: Intake,
     serial: bool,
     trouble: Trouble,
+    /// Lines that are neither a frame nor an answer, since the channel was first opened.
+    unreadable: u64,
     /// Frames that came while an answer was waited for.
     early: std::collections::VecDeque<Received>,
 }
@@ -45,6 +50,8 @@ enum Said {
     Done,
     /// BEL.
     Refused,
+    /// Neither a frame nor an answer: what came is damaged, or half a line.
+    Unreadable,
     /// Status flags.
     Flags(Flags),
 }
@@ -71,10 +78,13 @@ impl Client {
             intake: Intake::new(stream),
             serial,
             trouble: Trouble::default(),
+            unreadable: 0,
             early: std::collections::VecDeque::new(),
         };
         // A rate that the adapter was not told is the one that it has.
         client.open_again(kbit_s)?;
+        // What an earlier client has left says nothing of this one's line.
+        client.unreadable = 0;
         Ok(client)
     }
 
@@ -137,7 +147,8 @@ impl Client {
             match self.said(until)? {
                 Some(Said::Frame(received)) => self.early.push_back(received),
                 Some(Said::Refused) => return Ok(false),
-                Some(Said::Done | Said::Flags(_)) => return Ok(true),
+                // A line of an earlier client, cut by the opening, is answered as one that is done.
+                Some(Said::Done | Said::Flags(_) | Said::Unreadable) => return Ok(true),
                 None => return Err(io::ErrorKind::TimedOut.into()),
             }
         }
@@ -145,7 +156,9 @@ impl Client {
 
     fn said(&mut self, until: Instant) -> io::Result<Option<Said>> {
         let line = self.intake.next(&[CR, BEL], until)?;
-        Ok(line.map(|(line, end)| read(line, end)))
+        let said = line.map(|(line, end)| read(line, end));
+        self.unreadable += u64::from(said == Some(Said::Unreadable));
+        Ok(said)
     }
 
     /// Whether the adapter can be unplugged.
@@ -172,7 +185,7 @@ impl Client {
                 Some(Said::Frame(received)) => return Ok(Some(received)),
                 Some(Said::Refused) => self.trouble.unsent = true,
                 Some(Said::Flags(flags)) => self.note(flags),
-                Some(Said::Done) => {}
+                Some(Said::Done | Said::Unreadable) => {}
                 None => return Ok(None),
             }
         }
@@ -181,6 +194,11 @@ impl Client {
     const fn note(&mut self, flags: Flags) {
         self.trouble.errors += flags.errors() as u64;
         self.trouble.unsent |= flags.is_unsent();
+    }
+
+    /// Lines so far that can't be read; a frame may have been in each.
+    pub const fn unreadable(&self) -> u64 {
+        self.unreadable
     }
 
     /// Asks for the status flags; an adapter that does not know the question is not in trouble.
@@ -196,7 +214,7 @@ impl Client {
                     self.note(flags);
                     break;
                 }
-                Said::Done | Said::Refused => {}
+                Said::Done | Said::Refused | Said::Unreadable => {}
             }
         }
         Ok(self.trouble)
@@ -222,9 +240,12 @@ fn read(line: &[u8], end: u8) -> Said {
             let cut = rest.len().checked_sub(4).and_then(|end| rest.get(..end));
             let read = frame(*letter, rest).or_else(|| frame(*letter, cut?));
             let time_ns = now_ns();
-            read.map_or(Said::Done, |frame| Said::Frame(Received { time_ns, frame }))
+            read.map_or(Said::Unreadable, |frame| {
+                Said::Frame(Received { time_ns, frame })
+            })
         }
-        Some((b'F', flags)) => Flags::read(flags).map_or(Said::Done, Said::Flags),
+        Some((b'F', flags)) => Flags::read(flags).map_or(Said::Unreadable, Said::Flags),
+        Some((letter, _)) if !ANSWERS.contains(letter) => Said::Unreadable,
         _ => Said::Done,
     }
 }
@@ -310,9 +331,25 @@ mod tests {
         ] {
             match read(line.as_bytes(), b'\r') {
                 Said::Frame(received) => assert_eq!(received.frame, sent, "{line}"),
-                said => assert_eq!((line, said), ("R12345678 ", Said::Done)),
+                said => assert_eq!((line, said), ("R12345678 ", Said::Unreadable)),
             }
         }
+    }
+
+    /// A monitor showed PDOs that are missing, and nothing of the lines that they were in.
+    #[test]
+    fn damaged_lines_were_not_counted() {
+        let answers = &[
+            "\r",
+            "\r",
+            "\rz\rt60124008\rt6012\u{1}400\rx18\rV1013\r\rt6012\r",
+        ];
+        let (at, _server) = adapter(answers);
+        let mut client = Client::join_tcp(&at, None).unwrap();
+        let soon = Instant::now() + ANSWER;
+        assert!(client.receive(soon).unwrap().is_some());
+        assert!(client.receive(soon).is_err(), "it has hung up");
+        assert_eq!(client.unreadable(), 3);
     }
 
     proptest! {

@@ -22,6 +22,8 @@ const OPENING: Duration = Duration::from_secs(5);
 pub struct Client {
     intake: Intake,
     trouble: Trouble,
+    /// Frames that can't be read.
+    unreadable: u64,
 }
 
 impl Client {
@@ -32,7 +34,11 @@ impl Client {
     pub fn join(at: &str, bus: &str) -> io::Result<Self> {
         let intake = Intake::new(Box::new(intake::connect(at)?));
         let trouble = Trouble::default();
-        let mut client = Self { intake, trouble };
+        let mut client = Self {
+            intake,
+            trouble,
+            unreadable: 0,
+        };
         client.expect("hi")?;
         client.intake.write(format!("< open {bus} >").as_bytes())?;
         client.expect("ok")?;
@@ -92,8 +98,15 @@ impl Client {
             }
             if word.starts_with(b"error") {
                 self.trouble.errors += 1;
+            } else if word.starts_with(b"frame ") {
+                self.unreadable += 1;
             }
         }
+    }
+
+    /// Frames so far that can't be read.
+    pub const fn unreadable(&self) -> u64 {
+        self.unreadable
     }
 
     /// Errors that the server has told of.

@@ -44,6 +44,12 @@ pub trait Feed {
     /// Errors: as [`Feed::step`].
     fn send(&mut self, frame: &Frame) -> io::Result<()>;
 
+    /// Lines so far that can't be read, of a source that counts them while it runs: a log tells
+    /// of its own at the end.
+    fn unreadable(&self) -> u64 {
+        0
+    }
+
     /// What a silence may come from, in words; asked when nothing comes.
     ///
     /// Errors: as [`Feed::step`].
@@ -62,6 +68,8 @@ pub trait Feed {
 pub struct BusFeed {
     options: BusOptions,
     bus: Bus,
+    /// Lines that could not be read before it was last joined.
+    before: u64,
     interface: String,
     /// Time of the latest frame, and when it was taken.
     last: Option<(u64, Instant)>,
@@ -77,6 +85,7 @@ impl BusFeed {
             options: options.clone(),
             interface: interface(bus.name()),
             bus,
+            before: 0,
             last: None,
         })
     }
@@ -122,6 +131,10 @@ impl Feed for BusFeed {
         self.bus.send(frame)
     }
 
+    fn unreadable(&self) -> u64 {
+        self.before + self.bus.unreadable()
+    }
+
     fn advice(&mut self) -> io::Result<Option<String>> {
         // Nobody is asked: who only listens has the adapter's word and no other.
         let trouble = self.bus.trouble()?;
@@ -134,7 +147,9 @@ impl Feed for BusFeed {
 
     fn again(&mut self) -> Result<(), JoinError> {
         // What its clock has shown is still the best that is known of it.
-        self.bus = self.options.join()?;
+        let bus = self.options.join()?;
+        self.before = self.unreadable();
+        self.bus = bus;
         Ok(())
     }
 }

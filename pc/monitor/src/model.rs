@@ -127,6 +127,8 @@ pub struct Model {
     pub(super) ended: Option<(SourceState, String)>,
     /// What a silence may come from, for a person.
     pub(super) advice: Option<String>,
+    /// Lines of the source that can't be read.
+    pub(super) unreadable: u64,
     /// Where frames are recorded.
     pub recording: Recording,
     /// What has happened.
@@ -149,6 +151,7 @@ impl Model {
             now_ns: 0,
             ended: None,
             advice: None,
+            unreadable: 0,
             recording: Recording::default(),
             events: Events::default(),
             strangers: 0,
@@ -200,6 +203,17 @@ impl Model {
     /// Says what a silence may come from; shown while nothing comes.
     pub fn advise(&mut self, advice: Option<String>) {
         self.advice = advice;
+    }
+
+    /// How many lines of the source can't be read; the first one is an event.
+    pub fn unreadable(&mut self, count: u64) {
+        let is_first = self.unreadable == 0 && count > 0;
+        self.unreadable = count;
+        if is_first {
+            let text = "lines of the adapter can't be read, and their frames are missing: check \
+                        its cable and the baud rate of its port";
+            self.note(Kind::Source, Level::Warning, text.to_owned());
+        }
     }
 
     /// Something of no instrument has happened just now.

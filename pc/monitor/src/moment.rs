@@ -62,6 +62,7 @@ fn bus(model: &Model) -> Bus {
             .is_none()
             .then(|| "the bit rate is not known: give it by --bitrate".to_owned()),
         malformed: counts.malformed,
+        unreadable: model.unreadable,
         others: counts.others,
         backwards: counts.backwards,
         recording: recording.name.clone(),

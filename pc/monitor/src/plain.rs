@@ -13,7 +13,7 @@ use super::clock::clock;
 use super::events::Event;
 use super::level::Level;
 use super::snapshot::{Bus, Channel, Compared, FORMAT, Instrument, Snapshot, SourceState, VERSION};
-use output::printable;
+use output::{plural, printable};
 
 /// What `--json` prints for an event.
 #[derive(Serialize)]
@@ -155,6 +155,11 @@ pub fn verdict(instrument: &Instrument) -> String {
     format!("{}: {}{why}", level(verdict.level), verdict.text)
 }
 
+/// How many lines can't be read.
+pub fn unreadable(count: u64) -> String {
+    format!("{} unreadable", plural(count, "line", "lines"))
+}
+
 /// Load and rates of the bus, or why there are none.
 pub fn bus(bus: &Bus) -> String {
     let load = match bus.load_percent {
@@ -164,6 +169,9 @@ pub fn bus(bus: &Bus) -> String {
     let mut text = format!("{} frames/s {load}", bus.frames_per_s);
     if bus.malformed > 0 {
         let _ = write!(text, ", {} malformed", bus.malformed);
+    }
+    if bus.unreadable > 0 {
+        let _ = write!(text, ", {}", unreadable(bus.unreadable));
     }
     if let Some(state) = &bus.state_text
         && bus.state != SourceState::Running

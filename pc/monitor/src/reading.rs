@@ -282,6 +282,7 @@ impl<F: Feed> Reader<F> {
                 return Ok(false);
             }
         }
+        self.shared.model().unreadable(self.feed.unreadable());
         self.record_pass();
         self.tell_events();
         Ok(true)

@@ -236,6 +236,8 @@ pub struct Bus {
     pub load_reason: Option<String>,
     /// Frames of the instruments that had not their form.
     pub malformed: u64,
+    /// Lines of the adapter that can't be read, of a bus: what was in them is missing.
+    pub unreadable: u64,
     /// Frames of others.
     pub others: u64,
     /// Frames that were older than one before.

@@ -12,7 +12,7 @@ use ratatui::widgets::{Block, Clear, Paragraph, Wrap};
 
 use super::super::clock::clock;
 use super::super::level::Level;
-use super::super::plain::{degrees, level, motion, told, verdict};
+use super::super::plain::{degrees, level, motion, told, unreadable, verdict};
 use super::super::snapshot::{Bus, Channel, Compared, Instrument, SourceState};
 use super::chart;
 use super::picture::Picture;
@@ -110,6 +110,10 @@ fn rates(bus: &Bus, screen: &Screen) -> Vec<Span<'static>> {
     ))];
     if bus.malformed > 0 {
         let text = format!(", {} malformed", bus.malformed);
+        spans.push(toned(text, Level::Warning, screen));
+    }
+    if bus.unreadable > 0 {
+        let text = format!(", {}", unreadable(bus.unreadable));
         spans.push(toned(text, Level::Warning, screen));
     }
     if bus.others > 0 {

@@ -147,6 +147,7 @@ function showBus(bus) {
     ["frames", page.live ? `${bus.frames_per_s} /s, ${bus.frames} in all` : "--"],
     ["SYNC", page.live ? `${bus.syncs_per_s} /s` : "--"],
     ["malformed", String(bus.malformed), bus.malformed ? "warning" : ""],
+    ["unreadable lines", String(bus.unreadable), bus.unreadable ? "warning" : ""],
     ["of others", String(bus.others)],
     ["recording", recording, bus.recording_reason ? "fault" : ""],
   ]));
