@@ -519,7 +519,7 @@ mod tests {
         assert_eq!(activated, Some(Request::Activate { kbit_s, delay_ms }));
     }
 
-    /// CiA 305 keeps the node-id pending there, and does not mention the bit rate.
+    /// A master configures, switches to waiting, and resets the node then.
     #[test]
     fn what_was_configured_stays_over_the_state_waiting() {
         let mut lss = Lss::new();
