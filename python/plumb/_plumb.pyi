@@ -56,11 +56,12 @@ class Chain:
     def run(
         self,
         counts: npt.NDArray[np.int16],
-        times_us: npt.NDArray[np.uint64],
+        times_us: npt.NDArray[np.uint64] | None,
         temperatures: npt.NDArray[np.float64] | None,
         rates: npt.NDArray[np.int16] | None,
-        read_us: npt.NDArray[np.uint64],
+        read_us: npt.NDArray[np.uint64] | None,
     ) -> tuple[
+        npt.NDArray[np.uint64],
         npt.NDArray[np.int32],
         npt.NDArray[np.uint32],
         npt.NDArray[np.uint8],

@@ -136,11 +136,14 @@ class Chain:
         """Takes samples in and reads at `read_us`, or else at the time of each sample.
 
         `counts` is n x 3 of int16, left-justified as the part gives them, or `accel_g` n x 3 in g.
-        `times_us` are the times of capture; without them the samples follow each other by the
-        nominal period, the first at 0. `temperature_degc` is one value, taken in before the first
-        sample, or n of them with NaN where none was read; a calibration over temperature gives no
-        angle before the first of them. `rates` is n x 3 of int16, counts of a gyroscope. `read_us`
-        rises.
+        `times_us` are the times of capture, which rise, also from call to call. Without them each
+        sample comes one nominal period after the one before it, the first of all at 0.
+        `temperature_degc` is one value, taken in before the first sample, or n of them with NaN
+        where none was read; a calibration over temperature gives no angle before the first of them.
+        `rates` is n x 3 of int16, counts of a gyroscope. `read_us` does not fall, and begins at the
+        newest sample of an earlier call or later.
+
+        Errors: `Error` where an array has another shape, or times fall; nothing was taken in then.
         """
         if counts is not None and accel_g is None:
             samples = _triples(counts, np.int16, "counts")
@@ -148,19 +151,14 @@ class Chain:
             samples = _triples(self.counts(accel_g), np.int16, "accel_g")
         else:
             raise Error("give either counts or accel_g")
-        if times_us is None:
-            times = np.arange(len(samples), dtype=np.uint64) * np.uint64(self.period_us)
-        else:
-            times = _flat(times_us, np.uint64, "times_us")
-        instants = times if read_us is None else _flat(read_us, np.uint64, "read_us")
         found = self._chain.run(
             samples,
-            times,
+            None if times_us is None else _flat(times_us, np.uint64, "times_us"),
             _temperatures(temperature_degc, len(samples)),
             None if rates is None else _triples(rates, np.int16, "rates"),
-            instants,
+            None if read_us is None else _flat(read_us, np.uint64, "read_us"),
         )
-        return Readings(instants, *found)
+        return Readings(*found)
 
 
 def fit_poses(felt_g: npt.ArrayLike) -> Fit:

@@ -9,7 +9,9 @@
 //!
 //! Left out: judging two channels by each other.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use codes::words;
 use device::exchange::{self, reason_code};
@@ -21,7 +23,7 @@ use tilt::chain::{self, ChainState, Invalid, Measurement, Timing};
 use tilt::sample::{Counts, RateCounts, Sample, Temperature};
 use tilt::uncertainty::Uncertainty;
 
-use crate::calibration::{self, Given};
+use crate::calibration;
 use crate::error::said;
 
 /// The mode of this name.
@@ -49,10 +51,18 @@ pub fn reasons() -> BTreeMap<u8, String> {
 }
 
 /// One channel's signal chain with its memory.
-#[pyclass]
+#[pyclass(frozen)]
 pub struct Chain {
     chain: chain::Chain,
+    memory: Mutex<Memory>,
+}
+
+/// What a chain keeps from one call to the next.
+#[derive(Default)]
+struct Memory {
     state: ChainState,
+    /// The newest sample, us.
+    newest_us: Option<u64>,
 }
 
 /// What was read at each instant, axis X and axis Y side by side.
@@ -64,8 +74,10 @@ struct Read {
     at_us: Vec<i64>,
 }
 
-/// Angles, uncertainties, reasons and instants as arrays of n x 2.
+/// The instants that were read at; angles, uncertainties, reasons and instants of the angles as
+/// arrays of n x 2.
 type Arrays<'py> = (
+    Bound<'py, PyArray1<u64>>,
     Bound<'py, PyArray2<i32>>,
     Bound<'py, PyArray2<u32>>,
     Bound<'py, PyArray2<u8>>,
@@ -79,7 +91,7 @@ impl Chain {
     #[new]
     #[pyo3(signature = (given, mode, channel, latency_us))]
     fn new(
-        given: Option<Given>,
+        given: Option<calibration::Given>,
         mode: &str,
         channel: usize,
         latency_us: Option<u32>,
@@ -95,7 +107,7 @@ impl Chain {
         }
         Ok(Self {
             chain,
-            state: ChainState::default(),
+            memory: Mutex::default(),
         })
     }
 
@@ -125,24 +137,27 @@ impl Chain {
     }
 
     /// Forgets all samples.
-    fn reset(&mut self) {
-        self.state = ChainState::default();
+    fn reset(&self, py: Python<'_>) {
+        py.detach(|| *lock(&self.memory) = Memory::default());
     }
 
-    /// Takes samples in and reads at each of `read_us`, which rise.
+    /// Takes samples in and reads at each of `read_us`, or else at the time of each sample. Without
+    /// `times_us` a sample comes one nominal period after the one before it, the first at 0.
+    ///
+    /// Errors: `plumb.Error` where lengths differ or times fall; nothing was taken in then.
     #[pyo3(signature = (counts, times_us, temperatures, rates, read_us))]
     fn run<'py>(
-        &mut self,
+        &self,
         py: Python<'py>,
         counts: PyReadonlyArray2<'py, i16>,
-        times_us: PyReadonlyArray1<'py, u64>,
+        times_us: Option<PyReadonlyArray1<'py, u64>>,
         temperatures: Option<PyReadonlyArray1<'py, f64>>,
         rates: Option<PyReadonlyArray2<'py, i16>>,
-        read_us: PyReadonlyArray1<'py, u64>,
+        read_us: Option<PyReadonlyArray1<'py, u64>>,
     ) -> PyResult<Arrays<'py>> {
-        let taken = Taken {
+        let given = Given {
             counts: triples(counts.as_slice()?),
-            times_us: times_us.as_slice()?,
+            times_us: times_us.as_ref().map(|all| all.as_slice()).transpose()?,
             temperatures: temperatures
                 .as_ref()
                 .map(|all| all.as_slice())
@@ -151,33 +166,76 @@ impl Chain {
                 .as_ref()
                 .map(|all| all.as_slice().map(triples))
                 .transpose()?,
+            read_us: read_us.as_ref().map(|all| all.as_slice()).transpose()?,
         };
-        taken.check()?;
-        let instants = read_us.as_slice()?;
-        let Self { chain, state } = self;
-        let read = py.detach(|| run(chain, state, &taken, instants));
-        arrays(py, read)
+        let (instants, read) = py.detach(|| {
+            let mut memory = lock(&self.memory);
+            let taken = given.taken(self.chain.period_us, memory.newest_us)?;
+            let read = run(&self.chain, &mut memory, &taken);
+            PyResult::Ok((taken.read_us.into_owned(), read))
+        })?;
+        arrays(py, instants, read)
     }
 }
 
-/// Samples as they come from numpy.
-struct Taken<'a> {
+fn lock(memory: &Mutex<Memory>) -> MutexGuard<'_, Memory> {
+    memory.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Samples and instants as they come from numpy.
+struct Given<'a> {
     counts: &'a [[i16; 3]],
-    times_us: &'a [u64],
+    times_us: Option<&'a [u64]>,
     /// NaN where none was read.
     temperatures: Option<&'a [f64]>,
     rates: Option<&'a [[i16; 3]]>,
+    read_us: Option<&'a [u64]>,
+}
+
+/// The same, checked, with the times that were not given.
+struct Taken<'a> {
+    counts: &'a [[i16; 3]],
+    times_us: Cow<'a, [u64]>,
+    temperatures: Option<&'a [f64]>,
+    rates: Option<&'a [[i16; 3]]>,
+    read_us: Cow<'a, [u64]>,
 }
 
 fn triples(flat: &[i16]) -> &[[i16; 3]] {
     flat.as_chunks().0
 }
 
-impl Taken<'_> {
-    fn check(&self) -> PyResult<()> {
+impl<'a> Given<'a> {
+    /// With the times of samples `period_us` apart where none are given, the first of them behind
+    /// `newest_us`.
+    ///
+    /// Errors: lengths differ, or times fall.
+    fn taken(&self, period_us: u32, newest_us: Option<u64>) -> PyResult<Taken<'a>> {
+        self.check_lengths()?;
+        let times_us = match self.times_us {
+            Some(times_us) => Cow::Borrowed(times_us),
+            None => Cow::Owned(times(self.counts.len(), period_us, newest_us)?),
+        };
+        let rises = |before, at| before < at;
+        check_order("times_us", &times_us, newest_us, rises)?;
+        let read_us = match self.read_us {
+            Some(read_us) => Cow::Borrowed(read_us),
+            None => times_us.clone(),
+        };
+        check_order("read_us", &read_us, newest_us, |before, at| before <= at)?;
+        Ok(Taken {
+            counts: self.counts,
+            times_us,
+            temperatures: self.temperatures,
+            rates: self.rates,
+            read_us,
+        })
+    }
+
+    fn check_lengths(&self) -> PyResult<()> {
         let wanted = self.counts.len();
         let lengths = [
-            ("times_us", Some(self.times_us.len())),
+            ("times_us", self.times_us.map(<[u64]>::len)),
             ("temperature_degc", self.temperatures.map(<[f64]>::len)),
             ("rates", self.rates.map(<[[i16; 3]]>::len)),
         ];
@@ -190,9 +248,48 @@ impl Taken<'_> {
         }
         Ok(())
     }
+}
 
+/// Times of samples that follow each other by the nominal period, us.
+fn times(count: usize, period_us: u32, newest_us: Option<u64>) -> PyResult<Vec<u64>> {
+    let period_us = u64::from(period_us);
+    let mut next_us = newest_us.map_or(Some(0), |newest_us| newest_us.checked_add(period_us));
+    let mut times_us = Vec::with_capacity(count);
+    for _ in 0..count {
+        let at_us = next_us.ok_or_else(|| said("the times of these samples are beyond 2^64 us"))?;
+        times_us.push(at_us);
+        next_us = at_us.checked_add(period_us);
+    }
+    Ok(times_us)
+}
+
+/// Whether each of these times may follow the one before it, the first of them the newest sample
+/// of an earlier call.
+fn check_order(
+    name: &str,
+    times_us: &[u64],
+    newest_us: Option<u64>,
+    may_follow: impl Fn(u64, u64) -> bool,
+) -> PyResult<()> {
+    let mut before = newest_us.map(|at_us| (at_us, "the newest sample of an earlier call"));
+    for (number, at_us) in times_us.iter().enumerate() {
+        if let Some((before_us, what)) = before
+            && !may_follow(before_us, *at_us)
+        {
+            return Err(said(format!(
+                "{name}[{number}] is {at_us} us and {what} is at {before_us} us: give times in \
+                 their order, or begin anew with reset()"
+            )));
+        }
+        before = Some((*at_us, "the one before it"));
+    }
+    Ok(())
+}
+
+impl Taken<'_> {
     /// Feeds sample `number`.
-    fn feed(&self, chain: &chain::Chain, state: &mut ChainState, number: usize) {
+    fn feed(&self, chain: &chain::Chain, memory: &mut Memory, number: usize) {
+        let state = &mut memory.state;
         let temperature = self.temperatures.and_then(|all| all.get(number));
         if let Some(celsius) = temperature.filter(|celsius| celsius.is_finite()) {
             chain.temperature(state, Temperature((celsius * 256.0).round() as i32));
@@ -206,23 +303,24 @@ impl Taken<'_> {
             rate: rate.map(|rate| RateCounts(*rate)),
         };
         chain.sample(state, sample, Instant(*at));
+        memory.newest_us = Some(*at);
     }
 }
 
 /// Feeds each sample when its time has come, reads at each instant, and feeds the rest.
-fn run(chain: &chain::Chain, state: &mut ChainState, taken: &Taken<'_>, instants: &[u64]) -> Read {
+fn run(chain: &chain::Chain, memory: &mut Memory, taken: &Taken<'_>) -> Read {
     let mut read = Read::default();
     let mut next = 0;
-    for instant in instants {
+    for instant in taken.read_us.iter() {
         while taken.times_us.get(next).is_some_and(|at| at <= instant) {
-            taken.feed(chain, state, next);
+            taken.feed(chain, memory, next);
             next += 1;
         }
-        let reading = chain.reading(state, Instant(*instant));
+        let reading = chain.reading(&memory.state, Instant(*instant));
         read.add(reading.x);
         read.add(reading.y);
     }
-    (next..taken.times_us.len()).for_each(|number| taken.feed(chain, state, number));
+    (next..taken.times_us.len()).for_each(|number| taken.feed(chain, memory, number));
     read
 }
 
@@ -239,10 +337,11 @@ impl Read {
     }
 }
 
-fn arrays(py: Python<'_>, read: Read) -> PyResult<Arrays<'_>> {
+fn arrays(py: Python<'_>, instants: Vec<u64>, read: Read) -> PyResult<Arrays<'_>> {
     let rows = read.angles.len() / 2;
     let shape = [rows, 2];
     Ok((
+        PyArray1::from_vec(py, instants),
         PyArray1::from_vec(py, read.angles).reshape(shape)?,
         PyArray1::from_vec(py, read.uncertainties).reshape(shape)?,
         PyArray1::from_vec(py, read.reasons).reshape(shape)?,

@@ -171,3 +171,53 @@ def test_a_calibration_file_that_is_none_is_told_by_its_name(tmp_path) -> None:
         plumb.Chain(path)
     with pytest.raises(plumb.Error, match="nowhere.json"):
         plumb.Chain(tmp_path / "nowhere.json")
+
+
+def moving_g(samples: int, seconds_per_sample: float = 0.0025) -> np.ndarray:
+    """What a level part feels that turns by 10 deg/s about one axis, from 0 deg on."""
+    angles = np.radians(10.0 * seconds_per_sample * np.arange(samples))
+    return np.column_stack([np.sin(angles), np.zeros(samples), np.cos(angles)])
+
+
+def test_pieces_without_times_began_at_0_again_and_their_samples_were_dropped() -> None:
+    moving = moving_g(1600)
+    whole = plumb.Chain(mode="paper").run(accel_g=moving)
+    chain = plumb.Chain(mode="paper")
+    pieces = [chain.run(accel_g=piece) for piece in np.array_split(moving, 7)]
+    for name in ("read_us", "angle", "uncertainty", "reason", "at_us"):
+        joined = np.concatenate([getattr(piece, name) for piece in pieces])
+        assert np.array_equal(joined, getattr(whole, name)), name
+    assert chain.run(accel_g=moving[:1]).read_us.tolist() == [1600 * chain.period_us]
+    chain.reset()
+    assert chain.run(accel_g=moving[:2]).read_us.tolist() == [0, chain.period_us]
+
+
+def test_samples_without_times_go_on_from_those_with_times() -> None:
+    chain = plumb.Chain()
+    chain.run(accel_g=moving_g(2), times_us=[70, 2570])
+    assert chain.run(accel_g=moving_g(2)).read_us.tolist() == [5070, 7570]
+
+
+def test_times_that_fall_were_taken_and_their_samples_dropped() -> None:
+    moving = moving_g(4)
+    falls = "give times in their order, or begin anew with reset\\(\\)$"
+    chain = plumb.Chain()
+    with pytest.raises(plumb.Error, match=r"^times_us\[2\] is 10 us and the one before it is at 20 us"):
+        chain.run(accel_g=moving, times_us=[0, 20, 10, 30])
+    with pytest.raises(plumb.Error, match=falls):
+        chain.run(accel_g=moving, times_us=[0, 10, 10, 20])
+    with pytest.raises(plumb.Error, match=r"^read_us\[1\] is 5 us and the one before it is at 20 us"):
+        chain.run(accel_g=moving, read_us=[20, 5])
+    # Nothing was taken in.
+    assert chain.run(accel_g=moving).read_us[0] == 0
+    earlier = "is 0 us and the newest sample of an earlier call is at 7500 us: " + falls
+    with pytest.raises(plumb.Error, match=r"^times_us\[0\] " + earlier):
+        chain.run(accel_g=moving, times_us=[0, 2500, 5000, 7500])
+    with pytest.raises(plumb.Error, match=r"^read_us\[0\] " + earlier):
+        chain.run(accel_g=moving, read_us=[0])
+    chain.reset()
+    chain.run(accel_g=moving, times_us=[0, 2500, 5000, 7500], read_us=[7500, 7500])
+    latest = np.arange(2**64 - 4, 2**64, dtype=np.uint64)
+    chain.run(accel_g=moving, times_us=latest)
+    with pytest.raises(plumb.Error, match="the times of these samples are beyond 2\\^64 us"):
+        chain.run(accel_g=moving)
