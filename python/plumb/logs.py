@@ -72,7 +72,8 @@ def _node_id(given: object) -> int:
 class Decoded:
     """A log under way: an iterable of record batches, and an Arrow stream.
 
-    It can be read once. `pyarrow`, `polars` and `duckdb` take it as it is, since it has
+    It can be read once, though its schema more often. `pyarrow.table`, `polars.DataFrame`, pandas'
+    `DataFrame.from_arrow` and queries of DuckDB take it as it is, since it has
     `__arrow_c_stream__`; memory does not grow with the log as long as the batches are let go. What
     could not be read is counted in `skipped` and `damaged`, and at the end of an iteration there is
     an `IncompleteWarning` about it.

@@ -3,7 +3,8 @@
 //! In: names of logs and data sheets, as `plumb replay` takes them. Out: the rows that its
 //! `--export` writes, `time_s` as float64, `interface` and `message` as text, `node_id` as int32,
 //! all others as float64 that may be null; each field has its unit in its metadata. A batch is
-//! made when it is asked for, so memory does not grow with the logs.
+//! made when it is asked for, so memory does not grow with the logs. Whoever asks for the first batch
+//! reads the logs: DuckDB asks for several streams, and for batches of one of them.
 //!
 //! Left out: what a frame means (`listen`), and what a row holds (`bus_report::playback`).
 
@@ -26,10 +27,14 @@ use crate::error::said;
 /// Rows of a batch: 16 MB with the columns that every table has.
 const ROWS: usize = 1 << 16;
 
+/// Why there is no stream, or no batch of it.
+const READ_ALREADY: &str = "this log was read already; decode it again";
+
 /// A log under way: an Arrow stream of the rows that `plumb replay --export` writes.
 #[pyclass(frozen)]
 pub struct Decoder {
-    stream: Mutex<Option<Stream>>,
+    logs: Arc<Mutex<Option<Stream>>>,
+    schema: SchemaRef,
     came_to: Arc<Mutex<CameTo>>,
 }
 
@@ -39,6 +44,14 @@ struct CameTo {
     logs: LogsReport,
     incomplete: Option<String>,
     failure: Option<String>,
+}
+
+/// A stream that was asked for, the logs that have not been begun, and the same once it has begun
+/// them.
+struct Asked {
+    schema: SchemaRef,
+    logs: Arc<Mutex<Option<Stream>>>,
+    begun: Option<Stream>,
 }
 
 /// The batches.
@@ -81,19 +94,24 @@ impl Decoder {
             logs: table.logs(),
             ..CameTo::default()
         }));
+        let schema = Arc::new(schema(table.signals()));
         let stream = Stream {
-            schema: Arc::new(schema(table.signals())),
+            schema: Arc::clone(&schema),
             table,
             came_to: Arc::clone(&came_to),
             has_ended: false,
         };
         Ok(Self {
-            stream: Mutex::new(Some(stream)),
+            logs: Arc::new(Mutex::new(Some(stream))),
+            schema,
             came_to,
         })
     }
 
-    /// The stream, for whoever knows the Arrow PyCapsule interface; it can be taken once.
+    /// A stream by the Arrow PyCapsule interface. Its schema may be read any number of times; the
+    /// first stream of which a batch is read has the logs.
+    ///
+    /// Errors: `plumb.Error` where another stream has begun them.
     #[pyo3(signature = (requested_schema = None))]
     fn __arrow_c_stream__<'py>(
         &self,
@@ -102,9 +120,14 @@ impl Decoder {
     ) -> PyResult<Bound<'py, PyCapsule>> {
         // The consumer casts what it wants in another type.
         drop(requested_schema);
-        let stream = lock(&self.stream).take();
-        let stream = stream.ok_or_else(|| said("this log was read already; decode it again"))?;
-        let stream = FFI_ArrowArrayStream::new(Box::new(stream));
+        if lock(&self.logs).is_none() {
+            return Err(said(READ_ALREADY));
+        }
+        let stream = FFI_ArrowArrayStream::new(Box::new(Asked {
+            schema: Arc::clone(&self.schema),
+            logs: Arc::clone(&self.logs),
+            begun: None,
+        }));
         PyCapsule::new_with_value(py, stream, c"arrow_array_stream")
     }
 
@@ -166,6 +189,28 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
+impl Iterator for Asked {
+    type Item = Result<RecordBatch, ArrowError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        if self.begun.is_none() {
+            self.begun = lock(&self.logs).take();
+        }
+        match &mut self.begun {
+            Some(stream) => stream.next(),
+            None => Some(Err(ArrowError::InvalidArgumentError(
+                READ_ALREADY.to_owned(),
+            ))),
+        }
+    }
+}
+
+impl RecordBatchReader for Asked {
+    fn schema(&self) -> SchemaRef {
+        Arc::clone(&self.schema)
+    }
+}
+
 impl Iterator for Stream {
     type Item = Result<RecordBatch, ArrowError>;
 
@@ -191,12 +236,6 @@ impl Iterator for Stream {
                 Some(Err(ArrowError::ExternalError(Box::new(why))))
             }
         }
-    }
-}
-
-impl RecordBatchReader for Stream {
-    fn schema(&self) -> SchemaRef {
-        Arc::clone(&self.schema)
     }
 }
 

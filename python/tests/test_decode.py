@@ -13,6 +13,7 @@ import threading
 import time
 
 import pyarrow
+import pyarrow.compute
 import pyarrow.parquet
 import pytest
 from conftest import ROOT, candump, run, sentence, shift
@@ -143,6 +144,35 @@ def test_a_log_can_be_read_once(log: pathlib.Path) -> None:
     next(batches)
     with pytest.raises(plumb.Error, match="was read already"):
         decoded.read_all()
+
+
+@pytest.mark.filterwarnings("ignore::plumb.IncompleteWarning")
+def test_duckdb_asks_for_the_schema_first_and_had_used_the_log_up_with_it(
+    log: pathlib.Path,
+) -> None:
+    import duckdb
+
+    table = plumb.decode(log).read_all()
+    decoded = plumb.decode(log)
+    assert duckdb.sql("select count(*) from decoded").fetchall() == [(table.num_rows,)]
+    assert decoded.frames > 0 and decoded.incomplete is not None
+    registered = duckdb.connect().register("rows", plumb.decode(log))
+    [(angle,)] = registered.execute("select max(angle_x_deg) from rows").fetchall()
+    assert angle == pyarrow.compute.max(table["angle_x_deg"]).as_py()
+    again = plumb.decode(log)
+    assert duckdb.sql("describe from again").fetchall()[0][0] == "time_s" and again.frames == 0
+    with pytest.raises(duckdb.Error, match="this log was read already; decode it again"):
+        duckdb.sql("select count(*) from decoded").fetchall()
+
+
+@pytest.mark.filterwarnings("ignore::plumb.IncompleteWarning")
+def test_of_several_streams_one_has_the_rows(log: pathlib.Path) -> None:
+    decoded = plumb.decode(log)
+    one, two = (pyarrow.RecordBatchReader.from_stream(decoded) for _ in range(2))
+    assert one.schema == two.schema
+    assert two.read_all().num_rows > 2500
+    with pytest.raises((pyarrow.ArrowException, OSError), match="was read already"):
+        one.read_all()
 
 
 def test_other_threads_go_on_while_a_log_is_read(tmp_path: pathlib.Path) -> None:
