@@ -2,22 +2,81 @@
 
 Virtual time goes on while somebody waits for a frame: `recv(0.5)` lets half a second of it pass at
 most, in microseconds of the machine's. A Notifier waits all the time, so beside one virtual time
-goes on by itself, as fast as the machine can.
+goes on by itself, as fast as the machine can. `send_periodic` goes by virtual time, too.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import can
 
-from .twin import NS, Frame, Twin
+from ._plumb import Error
+from .twin import NS, Frame, Timer, Twin, _ns
 
 SILENCE_S = 3600.0
 """A wait without an end is given up after this much virtual time."""
 
 STEP_NS = 1_000_000
 """Virtual time between two looks for a frame."""
+
+
+class PeriodicSend(
+    can.broadcastmanager.LimitedDurationCyclicSendTaskABC,
+    can.ModifiableCyclicTaskABC,
+    can.RestartableCyclicTaskABC,
+    Timer,
+):
+    """Messages that go out one after the other, the first at once, each a period of virtual time
+    after the one before it. It stops where one can't be sent, and the call raises that lets time go
+    on."""
+
+    def __init__(
+        self,
+        bus: TwinBus,
+        messages: Sequence[can.Message] | can.Message,
+        period: float,
+        duration: float | None,
+        modify: Callable[[can.Message], None] | None,
+    ) -> None:
+        self._step_ns = _ns(period, "period")
+        if self._step_ns == 0:
+            raise Error(f"period is a time of 1 ns or more, and not {period}")
+        super().__init__(messages, period, duration)
+        self._bus = bus
+        self._lasts_ns = None if duration is None else _ns(duration, "duration")
+        self._end_ns: int | None = None
+        self._modify = modify
+        self._next = 0
+
+    def start(self) -> None:
+        """Begins, or begins again."""
+        self.stop()
+        self.due_ns = self._bus.twin._world.now_ns
+        self._end_ns = None if self._lasts_ns is None else self.due_ns + self._lasts_ns
+        self._bus.twin._start(self)
+        self.expire()
+
+    def stop(self) -> None:
+        """Sends no more."""
+        self._bus.twin._stop(self)
+
+    def expire(self) -> None:
+        """Sends the next message."""
+        if self._end_ns is not None and self.due_ns >= self._end_ns:
+            self.stop()
+            return
+        self.due_ns += self._step_ns
+        message = self.messages[self._next]
+        self._next = (self._next + 1) % len(self.messages)
+        try:
+            if self._modify is not None:
+                self._modify(message)
+            self._bus.send(message)
+        except BaseException:
+            self.stop()
+            raise
 
 
 class TwinBus(can.BusABC):
@@ -89,6 +148,19 @@ class TwinBus(can.BusABC):
             remote=msg.is_remote_frame,
             length=msg.dlc,
         )
+
+    def _send_periodic_internal(
+        self,
+        msgs: Sequence[can.Message] | can.Message,
+        period: float,
+        duration: float | None = None,
+        autostart: bool = True,
+        modifier_callback: Callable[[can.Message], None] | None = None,
+    ) -> PeriodicSend:
+        task = PeriodicSend(self, msgs, period, duration, modifier_callback)
+        if autostart:
+            task.start()
+        return task
 
     def shutdown(self) -> None:
         """Leaves the bus; the instrument stays."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import threading
 from collections import deque
 from typing import Callable, Iterable, NamedTuple
 
@@ -82,6 +83,16 @@ class Client:
         self._twin._clients.discard(self)
 
 
+class Timer:
+    """Something that is done at its virtual time, and may then be due again."""
+
+    due_ns: int
+
+    def expire(self) -> None:
+        """Does it; `due_ns` is later then, or the timer has been stopped."""
+        raise NotImplementedError
+
+
 class Twin:
     """The virtual instrument on a bus of its own; its clock goes on only when it is told to.
 
@@ -114,6 +125,9 @@ class Twin:
         line += [] if calibrated else ["--uncalibrated"]
         self._world = _plumb.World(line)
         self._clients: set[Client] = set()
+        self._timers: list[Timer] = []
+        # Two threads that let time go on would both find the same timer due.
+        self._going = threading.RLock()
         self._numbers = 0
         self._own = self.join()
 
@@ -130,7 +144,13 @@ class Twin:
 
     def say(self, words: str) -> str:
         """Carries out a word of `plumb serve`, such as `pitch 30` or `fault b stuck`, or puts it
-        off (`+2 s level`); what it has to tell. `wait 2 s` takes virtual time."""
+        off (`+2 s level`); what it has to tell. `wait 2 s` takes virtual time.
+
+        Errors: `Error` where it can't be carried out, or is `wait` while messages are sent
+        periodically, which the word would let pass.
+        """
+        if self._timers and words.split()[:1] == ["wait"]:
+            raise Error("messages are sent periodically: let time go on by run() in place of wait")
         answer = self._world.say(words)
         self._deal()
         return answer
@@ -182,11 +202,28 @@ class Twin:
         self._clients.add(client)
         return client
 
+    def _start(self, timer: Timer) -> None:
+        self._timers.append(timer)
+
+    def _stop(self, timer: Timer) -> None:
+        if timer in self._timers:
+            self._timers.remove(timer)
+
     def _go(self, until_ns: int) -> None:
-        try:
-            self._world.run_until(until_ns)
-        finally:
-            self._deal()
+        """Goes on to `until_ns`, with every timer at its time."""
+        with self._going:
+            try:
+                while (timer := self._due(until_ns)) is not None:
+                    self._world.run_until(timer.due_ns)
+                    timer.expire()
+                self._world.run_until(until_ns)
+            finally:
+                self._deal()
+
+    def _due(self, until_ns: int) -> Timer | None:
+        """The timer that is due first, of several that were started first; None before it."""
+        first = min(self._timers, key=lambda timer: timer.due_ns, default=None)
+        return None if first is None or first.due_ns > until_ns else first
 
     def _deal(self) -> None:
         """Gives what was on the bus to the clients."""

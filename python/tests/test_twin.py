@@ -143,6 +143,85 @@ def test_python_canopen_reads_an_object_beside_virtual_time() -> None:
         network.disconnect()
 
 
+SYNC = can.Message(arbitration_id=0x080, is_extended_id=False)
+
+START = can.Message(arbitration_id=0x000, data=[1, 0], is_extended_id=False)
+
+
+def received(bus: TwinBus, id: int, seconds: float) -> list[float]:
+    """Times of the messages of this identifier within so much virtual time."""
+    end_s = bus.twin.now_s + seconds
+    times = []
+    while (left_s := end_s - bus.twin.now_s) > 0 and (message := bus.recv(left_s)) is not None:
+        if message.arbitration_id == id:
+            times.append(message.timestamp)
+    return times
+
+
+def test_a_periodic_sync_went_by_the_clock_of_the_machine() -> None:
+    def slopes() -> list[float]:
+        with TwinBus(calibrated=False, receive_own_messages=True) as bus:
+            bus.send(START)
+            bus.recv(1.0)
+            task = bus.send_periodic(SYNC, 0.02)
+            times = received(bus, 0x181, 3.0)
+            task.stop()
+            # A node sends the SYNCs itself where nobody else does, each 40 ms.
+            assert len(received(bus, 0x080, 1.0)) in (24, 25, 26)
+            task.start()
+            assert len(received(bus, 0x080, 1.0)) in (49, 50, 51)
+        return times
+
+    times = slopes()
+    assert len(times) in (149, 150, 151) and times == slopes()
+    assert np.diff(times) == pytest.approx(0.02, abs=0.002)
+
+
+def test_periodic_messages_end_change_and_are_modified() -> None:
+    with TwinBus(calibrated=False, receive_own_messages=True) as bus:
+        counter = can.Message(arbitration_id=0x7F1, data=[0], is_extended_id=False)
+
+        def count(message: can.Message) -> None:
+            message.data[0] += 1
+
+        bus.send_periodic(counter, 0.1, duration=0.35, modifier_callback=count)
+        late = bus.send_periodic(
+            [can.Message(arbitration_id=0x7F2, data=[n], is_extended_id=False) for n in (5, 6)],
+            0.1,
+            autostart=False,
+        )
+        bus.twin.run(1.0)
+        found = list(iter(lambda: bus.recv(0), None))
+        own = [message.data[0] for message in found if message.arbitration_id == 0x7F1]
+        assert own == [1, 2, 3, 4] and 0x7F2 not in {one.arbitration_id for one in found}
+        late.start()
+        bus.twin.run(0.25)
+        late.modify_data(
+            [can.Message(arbitration_id=0x7F2, data=[n], is_extended_id=False) for n in (7, 8)]
+        )
+        bus.twin.run(0.2)
+        found = iter(lambda: bus.recv(0), None)
+        assert [one.data[0] for one in found if one.arbitration_id == 0x7F2] == [5, 6, 5, 8, 7]
+        with pytest.raises(plumb.Error, match="^messages are sent periodically: let time go on by"):
+            bus.twin.say("wait 1 s")
+        late.stop()
+        assert bus.twin.say("wait 1 s") == ""
+        for period in (0.0, -1.0, float("nan")):
+            with pytest.raises(plumb.Error, match="^period is a time"):
+                bus.send_periodic(SYNC, period)
+        bus.send_periodic(SYNC, 0.1)
+    assert bus.twin._timers == []
+
+
+def test_periodic_messages_that_the_bus_has_no_room_for_stop_with_an_error() -> None:
+    with TwinBus(calibrated=False) as bus:
+        bus.send_periodic(SYNC, 1e-6)
+        with pytest.raises(plumb.Error, match="too many frames of this client wait already"):
+            bus.recv(1.0)
+            bus.twin.run(1.0)
+        assert bus.twin._timers == []
+
+
 @pytest.mark.parametrize(
     ("what", "words"),
     [
