@@ -22,6 +22,10 @@ STEP_NS = 1_000_000
 """Virtual time between two looks for a frame."""
 
 
+class BusError(can.CanOperationError, Error):
+    """What can't be done on the bus, for those who catch errors of python-can or of this package."""
+
+
 class PeriodicSend(
     can.broadcastmanager.LimitedDurationCyclicSendTaskABC,
     can.ModifiableCyclicTaskABC,
@@ -79,10 +83,24 @@ class PeriodicSend(
             raise
 
 
+def _kbit(bitrate: int, words: dict[str, Any]) -> int:
+    """A bit rate of python-can, bit/s, as `Twin` takes it, kbit/s."""
+    if "bit_rate" in words:
+        raise Error("give either bitrate (bit/s) or bit_rate (kbit/s)")
+    kbit, rest = divmod(bitrate, 1000)
+    if rest:
+        raise Error(f"bitrate is {bitrate} bit/s: give a whole number of kbit/s, such as 250000")
+    return kbit
+
+
 class TwinBus(can.BusABC):
     """A client of a `Twin`: `TwinBus(twin)`, or `can.Bus(interface="plumb", seed=7)`.
 
-    Further words are those of `Twin`, where none is given. `receive_own_messages` as in python-can.
+    Further words are those of `Twin`, where none is given. `bitrate` in bit/s and
+    `receive_own_messages` are as in python-can.
+
+    Errors: `Error` where a word is wrong, or beside a `Twin` that is there already; `BusError` of a
+    message that can't be sent, and after `shutdown`.
     """
 
     def __init__(
@@ -91,10 +109,15 @@ class TwinBus(can.BusABC):
         can_filters: can.typechecking.CanFilters | None = None,
         twin: Twin | None = None,
         receive_own_messages: bool = False,
+        bitrate: int | None = None,
         **words: Any,
     ) -> None:
         if isinstance(channel, Twin):
             channel, twin = None, channel
+        if bitrate is not None:
+            words["bit_rate"] = _kbit(bitrate, words)
+        if twin is not None and words:
+            raise Error(f"{', '.join(words)} can't be given beside a Twin: give it to Twin(...)")
         self.twin = Twin(**words) if twin is None else twin
         self.channel_info = "virtual instrument of Plumb"
         self._client = self.twin.join(own=receive_own_messages)
@@ -105,6 +128,7 @@ class TwinBus(can.BusABC):
 
         The method of the base class would take the timeout from the machine's clock.
         """
+        self._check_open()
         world = self.twin._world
         until_ns = world.now_ns + round((SILENCE_S if timeout is None else timeout) * NS)
         while (frame := self._next(until_ns)) is not None:
@@ -112,7 +136,7 @@ class TwinBus(can.BusABC):
             if self._matches_filters(message):
                 return message
         if timeout is None:
-            raise can.CanOperationError("no message for an hour of virtual time")
+            raise BusError("no message for an hour of virtual time")
         return None
 
     def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
@@ -139,15 +163,23 @@ class TwinBus(can.BusABC):
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
         """Puts a message onto the bus; it goes out while virtual time goes on."""
+        self._check_open()
         if msg.is_fd or msg.is_error_frame:
-            raise can.CanOperationError("the virtual bus has classical frames only")
-        self._client.send(
-            msg.arbitration_id,
-            bytes(msg.data),
-            extended=msg.is_extended_id,
-            remote=msg.is_remote_frame,
-            length=msg.dlc,
-        )
+            raise BusError("the virtual bus has classical frames only")
+        try:
+            self._client.send(
+                msg.arbitration_id,
+                bytes(msg.data),
+                extended=msg.is_extended_id,
+                remote=msg.is_remote_frame,
+                length=msg.dlc,
+            )
+        except Error as error:
+            raise BusError(str(error)) from None
+
+    def _check_open(self) -> None:
+        if self._is_shutdown:
+            raise BusError("the bus was shut down: open another one")
 
     def _send_periodic_internal(
         self,
@@ -165,4 +197,5 @@ class TwinBus(can.BusABC):
     def shutdown(self) -> None:
         """Leaves the bus; the instrument stays."""
         self._client.close()
+        self._client.waiting.clear()
         super().shutdown()

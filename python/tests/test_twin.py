@@ -222,6 +222,43 @@ def test_periodic_messages_that_the_bus_has_no_room_for_stop_with_an_error() -> 
         assert bus.twin._timers == []
 
 
+def test_a_message_that_can_not_be_sent_was_no_error_of_python_can() -> None:
+    with TwinBus(calibrated=False) as bus:
+        for kind in (can.CanOperationError, plumb.Error):
+            with pytest.raises(kind, match="too many frames of this client wait already"):
+                for _ in range(1000):
+                    bus.send(SYNC)
+            with pytest.raises(kind, match="this is no CAN frame"):
+                bus.send(can.Message(arbitration_id=0x801, is_extended_id=False, check=False))
+
+
+def test_a_bus_that_was_shut_down_took_messages_and_gave_old_ones() -> None:
+    twin = plumb.Twin(calibrated=False)
+    bus = TwinBus(twin)
+    twin.run(1.0)
+    bus.shutdown()
+    bus.shutdown()
+    for what in (lambda: bus.send(SYNC), lambda: bus.recv(0.1), lambda: bus.send_periodic(SYNC, 1)):
+        with pytest.raises(can.CanOperationError, match="^the bus was shut down: open another one$"):
+            what()
+    assert twin.now_s == 1.0 and twin._timers == []
+
+
+def test_words_of_python_can_beside_those_of_the_twin() -> None:
+    with can.Bus(interface="plumb", bitrate=125_000, calibrated=False) as bus:
+        boot = bus.recv(1.0)
+    with TwinBus(bit_rate=125, calibrated=False) as bus:
+        assert bus.recv(1.0).timestamp == boot.timestamp
+    twin = plumb.Twin(calibrated=False)
+    for words in ({"seed": 99}, {"bitrate": 250_000}):
+        with pytest.raises(plumb.Error, match="can't be given beside a Twin"):
+            TwinBus(twin, **words)
+    with pytest.raises(plumb.Error, match="^give either bitrate"):
+        TwinBus(bitrate=250_000, bit_rate=250)
+    with pytest.raises(plumb.Error, match="^bitrate is 250 bit/s: give a whole number of kbit/s"):
+        TwinBus(bitrate=250)
+
+
 @pytest.mark.parametrize(
     ("what", "words"),
     [
