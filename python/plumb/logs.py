@@ -151,8 +151,8 @@ def decode(
     *,
     nodes: Iterable[int] = (),
     channel: str | None = None,
-    begin: str | None = None,
-    end: str | None = None,
+    begin: str | float | None = None,
+    end: str | float | None = None,
 ) -> Decoded:
     """Decodes logs: files or folders of candump or ASC, plain or gzip.
 
@@ -161,4 +161,19 @@ def decode(
     since the first frame, or a date as 2026-11-22T12:30:00.
     """
     sheets = [] if eds is None else paths(eds)
-    return Decoded(Decoder(logs_of(log), sheets, node_ids(nodes), channel, begin, end))
+    if not (channel is None or isinstance(channel, str)):
+        raise Error(f"channel is {channel!r}: give the name of an interface, such as 'can0'")
+    part = _moment(begin, "begin"), _moment(end, "end")
+    return Decoded(Decoder(logs_of(log), sheets, node_ids(nodes), channel, *part))
+
+
+def _moment(given: str | float | None, name: str) -> str | None:
+    """Where a log begins or ends, in the words of the command line."""
+    if given is None or isinstance(given, str):
+        return given
+    try:
+        return repr(float(given))
+    except (TypeError, ValueError):
+        raise Error(
+            f"{name} is {given!r}: give seconds, or a date as '2026-11-22T12:30:00'"
+        ) from None

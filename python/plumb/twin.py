@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+import operator
 import threading
 from collections import deque
 from typing import Callable, Iterable, NamedTuple
 
 from . import _plumb
 from ._plumb import Error
+from .logs import node_ids as ids_of
 
 NS = 1_000_000_000
 
@@ -24,6 +26,30 @@ def _ns(seconds: float, name: str) -> int:
     if not (math.isfinite(seconds) and seconds >= 0):
         raise Error(f"{name} is a time from 0 on, and not {seconds}")
     return round(seconds * NS)
+
+
+def _whole(given: int, name: str) -> int:
+    """A whole number; `Error` where it is none."""
+    try:
+        return operator.index(given)
+    except TypeError:
+        raise Error(f"{name} is {given!r}: give a whole number") from None
+
+
+def _node_ids(given: Iterable[int]) -> list[int]:
+    """Node-ids; `Error` where one is none."""
+    try:
+        return ids_of(given)
+    except Error as error:
+        raise Error(f"node_ids: {error}") from None
+
+
+def _seed(given: int) -> int:
+    """A seed; `Error` where it is none."""
+    seed = _whole(given, "seed")
+    if not 0 <= seed < 2**64:
+        raise Error(f"seed is {seed}: give a whole number from 0 to 2^64 - 1")
+    return seed
 
 
 class Frame(NamedTuple):
@@ -98,7 +124,9 @@ class Twin:
 
     The same seed, words, frames and times give the same frames. `mode` is product, dynamic, paper
     or one-axis; `calibrated=False` leaves out the virtual bench, which takes a third of a second.
-    `node_ids` are given in the order a, b, a2, b2.
+    `node_ids` are given in the order a, b, a2, b2. `bit_rate` in kbit/s.
+
+    Errors: `Error` where an argument is wrong.
     """
 
     def __init__(
@@ -113,14 +141,14 @@ class Twin:
         calibrated: bool = True,
     ) -> None:
         words = {
-            "seed": seed,
+            "seed": _seed(seed),
             "mode": mode,
-            "instruments": instruments,
-            "bit-rate": bit_rate,
+            "instruments": _whole(instruments, "instruments"),
+            "bit-rate": _whole(bit_rate, "bit_rate"),
             "chamber-speed": chamber_speed,
         }
         if node_ids is not None:
-            words["node-ids"] = ",".join(str(node) for node in node_ids) or "none"
+            words["node-ids"] = ",".join(map(str, _node_ids(node_ids))) or "none"
         line = [f"--{name}={value}" for name, value in words.items()]
         line += [] if calibrated else ["--uncalibrated"]
         self._world = _plumb.World(line)

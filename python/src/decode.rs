@@ -3,13 +3,14 @@
 //! In: names of logs and data sheets, as `plumb replay` takes them. Out: the rows that its
 //! `--export` writes, `time_s` as float64, `interface` and `message` as text, `node_id` as int32,
 //! all others as float64 that may be null; each field has its unit in its metadata. A batch is
-//! made when it is asked for, so memory does not grow with the logs. Whoever asks for the first batch
-//! reads the logs: DuckDB asks for several streams, and for batches of one of them.
+//! made when it is asked for, so memory does not grow with the logs. Whoever asks for the first
+//! batch reads the logs: DuckDB asks for several streams, and for batches of one of them.
 //!
 //! Left out: what a frame means (`listen`), and what a row holds (`bus_report::playback`).
 
 use std::collections::HashMap;
 use std::path::PathBuf;
+use std::str::FromStr;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use arrow_array::builder::{Float64Builder, Int32Builder, StringBuilder};
@@ -76,8 +77,7 @@ impl Decoder {
         begin: Option<String>,
         end: Option<String>,
     ) -> PyResult<Self> {
-        let moment = |text: Option<String>| text.map(|text| text.parse()).transpose().map_err(said);
-        let (begin, to) = (moment(begin)?, moment(end)?);
+        let (begin, to) = (moment("begin", begin)?, moment("end", end)?);
         let eds = eds.iter().map(|sheet| sheet.parse());
         let options = Options {
             channel,
@@ -183,6 +183,14 @@ impl Decoder {
     fn failure(&self) -> Option<String> {
         lock(&self.came_to).failure.clone()
     }
+}
+
+/// Where a log begins or ends.
+fn moment<T: FromStr<Err = String>>(name: &str, text: Option<String>) -> PyResult<Option<T>> {
+    let parsed = text.map(|text| text.parse().map_err(|why| (text, why)));
+    parsed
+        .transpose()
+        .map_err(|(text, why): (String, String)| said(format!("{name} is {text:?}: {why}")))
 }
 
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {

@@ -6,6 +6,7 @@
 //!
 //! Left out: frames as python-can has them (`python/plumb/bus.py`).
 
+use std::error::Error as _;
 use std::sync::mpsc::{self, Sender};
 use std::sync::{Mutex, PoisonError};
 use std::thread;
@@ -13,6 +14,7 @@ use std::thread;
 use canopen::Frame;
 use canopen::frame::{ExtendedId, Id, StandardId};
 use clap::Parser;
+use clap::error::{ContextKind, ContextValue};
 use pyo3::prelude::*;
 use virtual_bus::{Arguments, Heard, Twin};
 
@@ -49,7 +51,7 @@ impl World {
     #[new]
     fn new(py: Python<'_>, words: Vec<String>) -> PyResult<Self> {
         let all = ["plumb serve".to_owned()].into_iter().chain(words);
-        let line = Line::try_parse_from(all).map_err(|error| said(sentence(&error.to_string())))?;
+        let line = Line::try_parse_from(all).map_err(|error| said(sentence(&error)))?;
         let started = py.detach(|| start(line.arguments));
         Ok(Self(Mutex::new(started.map_err(said)?)))
     }
@@ -141,10 +143,39 @@ fn start(arguments: Arguments) -> Result<Sender<Job>, String> {
     Ok(jobs)
 }
 
-/// The first line of what clap says, without its first word.
-fn sentence(text: &str) -> &str {
-    let first = text.lines().next().unwrap_or_default();
-    first.strip_prefix("error: ").unwrap_or(first)
+/// What is wrong with an argument: its name in Python, its value, and what is allowed.
+fn sentence(error: &clap::Error) -> String {
+    let text = |kind| match error.get(kind) {
+        Some(ContextValue::String(text)) => Some(text.as_str()),
+        _ => None,
+    };
+    let (Some(option), Some(value)) = (
+        text(ContextKind::InvalidArg),
+        text(ContextKind::InvalidValue),
+    ) else {
+        let all = error.to_string();
+        let first = all.lines().next().unwrap_or_default();
+        return first.strip_prefix("error: ").unwrap_or(first).to_owned();
+    };
+    let name = option.split(' ').next().unwrap_or_default();
+    let name = name.trim_start_matches('-').replace('-', "_");
+    format!("{name} is {value}: {}", allowed(error))
+}
+
+/// What an argument may be.
+fn allowed(error: &clap::Error) -> String {
+    if let Some(ContextValue::Strings(values)) = error.get(ContextKind::ValidValue)
+        && let Some((last, others)) = values.split_last()
+    {
+        return format!("take {} or {last}", others.join(", "));
+    }
+    let why = error.source().map(ToString::to_string).unwrap_or_default();
+    // Clap's sentence on a number: "99 is not in 1..=20".
+    let range = why.rsplit_once(" is not in ").map(|(_, range)| range);
+    match range.and_then(|range| range.split_once("..=")) {
+        Some((least, most)) => format!("give {least} to {most}"),
+        None => why,
+    }
 }
 
 /// The frame; `None` where an identifier or a length is none.

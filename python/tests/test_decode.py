@@ -249,3 +249,26 @@ def test_options_that_are_wrong_are_told_in_a_sentence(words: dict, log: pathlib
     with pytest.raises(plumb.Error) as told:
         plumb.decode(log, **words).read_all()
     assert len(str(told.value).splitlines()) == 1, told.value
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        ({"begin": "xx"}, 'begin is "xx": give seconds since its start, or a date as'),
+        ({"end": "-1"}, 'end is "-1": give seconds since its start, or a date as'),
+        ({"begin": [1]}, "begin is [1]: give seconds, or a date as '2026-11-22T12:30:00'"),
+        ({"channel": 0}, "channel is 0: give the name of an interface, such as 'can0'"),
+    ],
+)
+def test_a_time_that_is_none_was_told_without_the_argument_and_its_value(
+    words: dict, sentence: str, log: pathlib.Path
+) -> None:
+    with pytest.raises(plumb.Error) as told:
+        plumb.decode(log, **words)
+    assert str(told.value).startswith(sentence), told.value
+
+
+@pytest.mark.filterwarnings("ignore::plumb.IncompleteWarning")
+def test_begin_and_end_may_be_numbers(log: pathlib.Path) -> None:
+    wanted = plumb.decode(log, begin="1", end="2.5").read_all()
+    assert plumb.decode(log, begin=1, end=2.5).read_all() == wanted and wanted.num_rows > 0

@@ -262,9 +262,23 @@ def test_words_of_python_can_beside_those_of_the_twin() -> None:
 @pytest.mark.parametrize(
     ("what", "words"),
     [
-        (lambda: plumb.Twin(mode="fancy"), "invalid value 'fancy' for '--mode"),
+        # They had names of the command line, and not what is allowed.
+        (
+            lambda: plumb.Twin(mode="fancy"),
+            "mode is fancy: take product, dynamic, paper or one-axis",
+        ),
+        (lambda: plumb.Twin(seed=-1), "seed is -1: give a whole number from 0 to 2^64 - 1"),
+        (lambda: plumb.Twin(seed=2**64), "give a whole number from 0 to 2^64 - 1"),
+        (lambda: plumb.Twin(seed="a"), "seed is 'a': give a whole number"),
+        (lambda: plumb.Twin(bit_rate=7), "bit_rate is 7: take one of [10, "),
+        (lambda: plumb.Twin(bit_rate=None), "bit_rate is None: give a whole number"),
+        (lambda: plumb.Twin(chamber_speed=0), "chamber_speed is 0: take a factor from 1 to 300"),
+        (lambda: plumb.Twin(node_ids="1,2"), "node_ids: '1,2' is no list of node-ids"),
+        (lambda: plumb.Twin(node_ids=[0, 1]), "node_ids: 0 is no node-id: give 1 to 127"),
+        (lambda: plumb.Twin(node_ids=[1, 1]), "node_ids is 1,1: each node-id may be given once"),
         (lambda: plumb.Twin(node_ids=[1]), "1 node-id for 2 nodes"),
-        (lambda: plumb.Twin(instruments=99), "invalid value '99' for '--instruments"),
+        (lambda: plumb.Twin(instruments=99), "instruments is 99: give 1 to 20"),
+        (lambda: plumb.Twin(instruments=0), "instruments is 0: give 1 to 20"),
         (lambda: plumb.Twin(calibrated=False).say("levitate"), 'there is no word "levitate"'),
         (lambda: plumb.Twin(calibrated=False).say("pitch 300"), "write pitch DEGREES"),
         (lambda: plumb.Twin(calibrated=False).send(0x800), "this is no CAN frame"),
@@ -287,6 +301,7 @@ def test_what_is_wrong_is_told_in_a_sentence(what, words: str) -> None:
     with pytest.raises(plumb.Error) as told:
         what()
     assert words in str(told.value) and "\n" not in str(told.value), told.value
+    assert "--" not in str(told.value), told.value
 
 
 def test_a_client_that_floods_is_stopped() -> None:
