@@ -25,6 +25,10 @@ use tilt::uncertainty::Uncertainty;
 
 use crate::calibration;
 use crate::error::said;
+use crate::signals::Watch;
+
+/// Samples or readings between two looks at the clock, which take less than ten milliseconds.
+const PIECE: usize = 1000;
 
 /// The mode of this name.
 ///
@@ -171,7 +175,7 @@ impl Chain {
         let (instants, read) = py.detach(|| {
             let mut memory = lock(&self.memory);
             let taken = given.taken(self.chain.period_us, memory.newest_us)?;
-            let read = run(&self.chain, &mut memory, &taken);
+            let read = run(&self.chain, &mut memory, &taken)?;
             PyResult::Ok((taken.read_us.into_owned(), read))
         })?;
         arrays(py, instants, read)
@@ -308,20 +312,51 @@ impl Taken<'_> {
 }
 
 /// Feeds each sample when its time has come, reads at each instant, and feeds the rest.
-fn run(chain: &chain::Chain, memory: &mut Memory, taken: &Taken<'_>) -> Read {
+///
+/// Errors: the exception of a signal's handler. The samples up to then were taken in.
+fn run(chain: &chain::Chain, memory: &mut Memory, taken: &Taken<'_>) -> PyResult<Read> {
+    let mut feeder = Feeder {
+        chain,
+        taken,
+        next: 0,
+        watch: Watch::new(),
+    };
     let mut read = Read::default();
-    let mut next = 0;
-    for instant in taken.read_us.iter() {
-        while taken.times_us.get(next).is_some_and(|at| at <= instant) {
-            taken.feed(chain, memory, next);
-            next += 1;
+    for (number, instant) in taken.read_us.iter().enumerate() {
+        if number.is_multiple_of(PIECE) {
+            feeder.watch.look()?;
         }
+        feeder.feed_until(memory, Instant(*instant))?;
         let reading = chain.reading(&memory.state, Instant(*instant));
         read.add(reading.x);
         read.add(reading.y);
     }
-    (next..taken.times_us.len()).for_each(|number| taken.feed(chain, memory, number));
-    read
+    feeder.feed_until(memory, Instant(u64::MAX))?;
+    Ok(read)
+}
+
+/// Samples that are fed one after the other.
+struct Feeder<'a> {
+    chain: &'a chain::Chain,
+    taken: &'a Taken<'a>,
+    /// The next of them.
+    next: usize,
+    watch: Watch,
+}
+
+impl Feeder<'_> {
+    /// Feeds the samples up to this instant.
+    fn feed_until(&mut self, memory: &mut Memory, instant: Instant) -> PyResult<()> {
+        let times_us = &self.taken.times_us;
+        while times_us.get(self.next).is_some_and(|at| *at <= instant.0) {
+            if self.next.is_multiple_of(PIECE) {
+                self.watch.look()?;
+            }
+            self.taken.feed(self.chain, memory, self.next);
+            self.next += 1;
+        }
+        Ok(())
+    }
 }
 
 impl Read {

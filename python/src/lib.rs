@@ -12,6 +12,7 @@ mod count;
 mod decode;
 mod error;
 mod fit;
+mod signals;
 mod summary;
 mod twin;
 

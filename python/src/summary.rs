@@ -13,6 +13,7 @@ use pyo3::pybacked::PyBackedBytes;
 use pyo3::types::PyBytes;
 
 use crate::error::said;
+use crate::signals::{self, Watch};
 
 /// Summarises logs, of the instruments with these node-ids or of all pairs; the bytes, and the
 /// sentence on what could not be read.
@@ -26,10 +27,10 @@ pub fn summarise(
     nodes: Vec<u8>,
 ) -> PyResult<(Bound<'_, PyBytes>, Option<String>)> {
     let plan = plan(&eds, nodes)?;
-    let done = py.detach(|| {
+    let done = signals::wait_for(py, move || {
         let (kept, incomplete) = Kept::of(&logs, &plan)?;
         Ok((kept.to_bytes()?, incomplete.map(|why| why.to_string())))
-    });
+    })?;
     let (bytes, incomplete) = done.map_err(|why: bus_report::period::PeriodError| said(why))?;
     Ok((PyBytes::new(py, &bytes), incomplete))
 }
@@ -50,8 +51,8 @@ pub fn plan(eds: &[String], nodes: Vec<u8>) -> PyResult<PlanOptions> {
 /// Errors: `plumb.Error` where one is none, is of another version, or there is none at all.
 #[pyfunction]
 pub fn merge(py: Python<'_>, summaries: Vec<PyBackedBytes>) -> PyResult<Bound<'_, PyBytes>> {
-    let merged = py.detach(|| bytes_of(summaries.iter().map(|bytes| Kept::from_bytes(bytes))));
-    Ok(PyBytes::new(py, &merged.map_err(said)?))
+    let merged = py.detach(|| bytes_of(summaries.iter().map(|bytes| Kept::from_bytes(bytes))))?;
+    Ok(PyBytes::new(py, &merged))
 }
 
 /// Merges the summaries of single logs, each under the name that its log has now.
@@ -68,16 +69,23 @@ pub fn merge_named(
             kept.map(|kept| kept.renamed(name))
         });
         bytes_of(all)
-    });
-    Ok(PyBytes::new(py, &merged.map_err(said)?))
+    })?;
+    Ok(PyBytes::new(py, &merged))
 }
 
 /// All of them as one.
-fn bytes_of(all: impl Iterator<Item = Result<Kept, KeptError>>) -> Result<Vec<u8>, String> {
-    let all = all.collect::<Result<Vec<_>, _>>();
-    let merged = Kept::merged(all.map_err(|why| why.to_string())?);
-    let merged = merged.map_err(|why| why.to_string())?;
-    merged.to_bytes().map_err(|why| why.to_string())
+///
+/// Errors: as [`merge`], or the exception of a signal's handler.
+fn bytes_of(all: impl Iterator<Item = Result<Kept, KeptError>>) -> PyResult<Vec<u8>> {
+    let mut watch = Watch::new();
+    let mut merged = None;
+    for one in all {
+        watch.look()?;
+        let both = merged.into_iter().chain([one.map_err(said)?]);
+        merged = Some(Kept::merged(both).map_err(said)?);
+    }
+    let merged = Kept::merged(merged).map_err(said)?;
+    merged.to_bytes().map_err(said)
 }
 
 /// The figures of a summary: the JSON of `plumb report`.

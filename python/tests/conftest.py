@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import pathlib
+import signal
 import subprocess
+import time
+from collections.abc import Iterator
 
 import pytest
 
@@ -68,3 +72,27 @@ def sentence(program: pathlib.Path, *words: object) -> str:
     done = run(program, *words)
     assert done.returncode == 2, done
     return done.stderr.strip().splitlines()[-1].removeprefix("plumb: ")
+
+
+class Interrupted(Exception):
+    """As KeyboardInterrupt, which would end the tests where it comes too late."""
+
+
+@contextlib.contextmanager
+def interrupted(after_s: float) -> Iterator[None]:
+    """A signal after so much time, which ends what is in the block within half a second more."""
+
+    def interrupt(*_: object) -> None:
+        raise Interrupted
+
+    before = signal.signal(signal.SIGALRM, interrupt)
+    begin = time.monotonic()
+    signal.setitimer(signal.ITIMER_REAL, after_s)
+    try:
+        with pytest.raises(Interrupted):
+            yield
+        took = time.monotonic() - begin
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
+    assert took < after_s + 0.5, took

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import json
 import math
+import signal
 
 import numpy as np
 import pytest
-from conftest import ROOT
+from conftest import ROOT, interrupted
 
 import plumb
 
@@ -221,3 +222,15 @@ def test_times_that_fall_were_taken_and_their_samples_dropped() -> None:
     chain.run(accel_g=moving, times_us=latest)
     with pytest.raises(plumb.Error, match="the times of these samples are beyond 2\\^64 us"):
         chain.run(accel_g=moving)
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGALRM"), reason="there is no such signal")
+@pytest.mark.parametrize("read_us", [None, []])
+def test_ctrl_c_waited_for_the_end_of_a_run(read_us: list[int] | None) -> None:
+    chain = plumb.Chain()
+    counts = np.tile(np.array([0, 0, 16384], np.int16), (8_000_000, 1))
+    with interrupted(0.2):
+        chain.run(counts, read_us=read_us)
+    # The chain is as it was after the samples that it has taken in.
+    [after_us] = chain.run(counts[:1]).read_us
+    assert 0 < after_us < len(counts) * chain.period_us and after_us % chain.period_us == 0

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import itertools
 import json
+import os
 import pathlib
 import random
 import re
+import signal
 
 import pytest
-from conftest import candump, run, sentence, shift
+from conftest import candump, interrupted, run, sentence, shift
 
 import plumb
 
@@ -231,3 +233,23 @@ def test_a_summary_with_numbers_that_there_are_not_is_told_in_a_sentence(
     forged = re.sub(text, text.partition(b":")[0] + b":99", summaries[0])
     with pytest.raises(plumb.Error, match=wanted.decode()):
         plumb.merge([forged, summaries[1]])
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGALRM"), reason="there is no such signal")
+def test_ctrl_c_waited_for_the_end_of_a_merge(summaries: list[bytes]) -> None:
+    with interrupted(0.2):
+        plumb.merge(summaries * 2000)
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGALRM"), reason="there is no such signal")
+def test_ctrl_c_waited_for_the_end_of_a_log(tmp_path: pathlib.Path) -> None:
+    # A log without an end, as long as the test holds the pipe open.
+    pipe = tmp_path / "endless.log"
+    os.mkfifo(pipe)
+    end = os.open(pipe, os.O_RDWR)
+    try:
+        os.write(end, candump(shift(6, 0.5)).encode())
+        with interrupted(0.2):
+            plumb.summarise(pipe)
+    finally:
+        os.close(end)
