@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 import os
 from dataclasses import dataclass
 from typing import Union
@@ -15,6 +16,9 @@ from ._plumb import Error
 Calibration = Union[bytes, str, "os.PathLike[str]", "Fit"]
 
 DEG_PER_STEP = 360.0 / 2**32
+
+COLDEST_DEGC, HOTTEST_DEGC = -103.0, 153.0
+"""What a part can tell: 16 bits, 256 steps per degC, 0 at 25 degC (data sheets, OUT_T, OUT_TEMP)."""
 
 REASONS: dict[int, str] = _plumb.reasons()
 """Why there is no angle, in words, by the code in `Readings.reason`; 0 stands for an angle."""
@@ -74,7 +78,9 @@ class Chain:
     `calibration` is what a node stores (bytes), a file of `plumb replay --save-calibration`, a
     `Fit`, or None for a part as its data sheet has it; `channel` counts the channels of a file from
     0. `mode` is product, dynamic, paper or one-axis. `latency_us` replaces the mode's: 0 reads the
-    newest sample, whatever its age.
+    newest sample, whatever its age. Calls from several threads are made one after the other.
+
+    Errors: `Error` where an argument is wrong.
     """
 
     def __init__(
@@ -86,6 +92,18 @@ class Chain:
         latency_us: int | None = None,
     ) -> None:
         given = calibration.calibration if isinstance(calibration, Fit) else calibration
+        if not (given is None or isinstance(given, (bytes, bytearray, str, os.PathLike))):
+            kind = type(calibration).__name__
+            raise Error(
+                f"calibration is of type {kind}: give bytes of a node, the path of a file, a Fit or None"
+            )
+        if not isinstance(mode, str):
+            raise Error(f"mode is {mode!r}: give product, dynamic, paper or one-axis")
+        channel = _count(channel, "channel", 2**32)
+        if channel and (given is None or isinstance(given, (bytes, bytearray))):
+            raise Error(f"channel is {channel}: only a file of calibrations has channels")
+        if latency_us is not None:
+            latency_us = _count(latency_us, "latency_us", 2**32)
         self._chain = _plumb.Chain(given, mode, channel, latency_us)
 
     @property
@@ -117,10 +135,7 @@ class Chain:
 
         Errors: `Error` where one is not finite: a sample that is missing has no value.
         """
-        given = np.asarray(accel_g, dtype=np.float64)
-        if not np.isfinite(given).all():
-            raise Error("accel_g has values that are not finite: leave these samples out")
-        counts = np.round(given * self.counts_per_g)
+        counts = np.round(_reals(accel_g, "accel_g", "samples") * self.counts_per_g)
         return np.clip(counts, -(2**15), 2**15 - 1).astype(np.int16)
 
     def run(
@@ -139,7 +154,8 @@ class Chain:
         `times_us` are the times of capture, which rise, also from call to call. Without them each
         sample comes one nominal period after the one before it, the first of all at 0.
         `temperature_degc` is one value, taken in before the first sample, or n of them with NaN
-        where none was read; a calibration over temperature gives no angle before the first of them.
+        where none was read or the array is masked; a calibration over temperature gives no angle
+        before the first of them.
         `rates` is n x 3 of int16, counts of a gyroscope. `read_us` does not fall, and begins at the
         newest sample of an earlier call or later.
 
@@ -151,6 +167,8 @@ class Chain:
             samples = _triples(self.counts(accel_g), np.int16, "accel_g")
         else:
             raise Error("give either counts or accel_g")
+        if rates is not None and self.deg_s_per_count is None:
+            raise Error("rates are of a gyroscope, which this mode does not have: leave them out")
         found = self._chain.run(
             samples,
             None if times_us is None else _flat(times_us, np.uint64, "times_us"),
@@ -161,9 +179,23 @@ class Chain:
         return Readings(*found)
 
 
+def _count(given: int, name: str, end: int) -> int:
+    """A whole number below `end`.
+
+    Errors: `Error` where it is none.
+    """
+    try:
+        number = operator.index(given)
+    except TypeError:
+        raise Error(f"{name} is {given!r}: give a whole number") from None
+    if not 0 <= number < end:
+        raise Error(f"{name} is {number}: give a whole number from 0 to {end - 1}")
+    return number
+
+
 def fit_poses(felt_g: npt.ArrayLike) -> Fit:
     """Fits matrix and offset to the mean acceleration of nine poses or more, n x 3 in g."""
-    return _fit(_plumb.fit_poses(_triples(felt_g, np.float64, "felt_g")))
+    return _fit(_plumb.fit_poses(_felt(felt_g)))
 
 
 def fit_motor(
@@ -175,14 +207,20 @@ def fit_motor(
     """Fits matrix, offset and harmonics to a motor's stands.
 
     `slope` is "x" or "y" for each stand: what was turned; `reference_deg` the motor's angle;
-    `felt_g` the mean acceleration, n x 3 in g. In mode one-axis all is turned about one axis.
+    `felt_g` the mean acceleration, n x 3 in g. In mode one-axis all is turned about one axis; in the
+    others stands beyond 86 deg serve for the matrix, and not for the harmonics.
     """
     axes = np.asarray(slope)
     if not np.isin(axes, ["x", "y"]).all():
         raise Error('slope is "x" or "y" for each stand')
     turned = np.ascontiguousarray(axes == "y", dtype=np.uint8).reshape(-1)
-    angles = _flat(reference_deg, np.float64, "reference_deg")
-    return _fit(_plumb.fit_motor(mode, turned, angles, _triples(felt_g, np.float64, "felt_g")))
+    references = _reals(reference_deg, "reference_deg", "stands")
+    angles = _flat(references, np.float64, "reference_deg")
+    return _fit(_plumb.fit_motor(mode, turned, angles, _felt(felt_g)))
+
+
+def _felt(felt_g: npt.ArrayLike) -> npt.NDArray:
+    return _triples(_reals(felt_g, "felt_g", "stands"), np.float64, "felt_g")
 
 
 def _fit(fitted: _plumb.Fitted) -> Fit:
@@ -211,6 +249,7 @@ def _flat(values: npt.ArrayLike, dtype: type, name: str) -> npt.NDArray:
 
 def _exact(values: npt.ArrayLike, dtype: type, name: str) -> npt.NDArray:
     """Without a copy where the array is of this type already; no value may change."""
+    _refuse_mask(values, name)
     try:
         given = np.asarray(values)
         with np.errstate(invalid="ignore"):
@@ -222,15 +261,49 @@ def _exact(values: npt.ArrayLike, dtype: type, name: str) -> npt.NDArray:
     return array
 
 
+def _reals(values: npt.ArrayLike, name: str, rows: str) -> npt.NDArray[np.float64]:
+    """Finite numbers; what has a row with another value is to leave such rows out."""
+    _refuse_mask(values, name)
+    try:
+        if np.iscomplexobj(values):
+            raise TypeError
+        array = np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise Error(f"{name} is no array of numbers") from None
+    if not np.isfinite(array).all():
+        raise Error(f"{name} has values that are not finite: leave these {rows} out")
+    return array
+
+
+def _refuse_mask(values: object, name: str) -> None:
+    """Refuses an array of which values are masked: numpy has numbers behind the mask."""
+    if np.ma.is_masked(values):
+        raise Error(f"{name} has masked values: leave these rows out")
+
+
 def _temperatures(given: npt.ArrayLike | float | None, samples: int) -> npt.NDArray | None:
     if given is None:
         return None
-    array = np.asarray(given, dtype=np.float64)
+    if isinstance(given, np.ma.MaskedArray):
+        given = given.astype(np.float64).filled(np.nan)
+    try:
+        array = np.asarray(given, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise Error("temperature_degc is neither a number nor an array of numbers") from None
     # NaN in an array is a temperature that was not read; one value is one that was.
     if np.isinf(array).any() or (array.ndim == 0 and np.isnan(array)):
         raise Error("temperature_degc has values that are no temperature")
+    read = array[~np.isnan(array)]
+    beyond = read[(read < COLDEST_DEGC) | (read > HOTTEST_DEGC)]
+    if beyond.size:
+        raise Error(
+            f"temperature_degc has {beyond.flat[0]:g}: "
+            f"a part tells {COLDEST_DEGC:g} to {HOTTEST_DEGC:g} degC"
+        )
     if array.ndim == 0:
         once = np.full(samples, np.nan)
         once[:1] = array
         return once
+    if array.ndim != 1:
+        raise Error(f"temperature_degc is an array of n, and not of {array.shape}")
     return np.ascontiguousarray(array)

@@ -9,7 +9,8 @@
 use numpy::{PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use tilt::ONE_G;
-use tilt::calibration::motor::{self, Slope, Stand};
+use tilt::calibration::FitError;
+use tilt::calibration::motor::{self, FOLD_DEG, Slope, Stand};
 use tilt::calibration::poses;
 use tilt::chain::{Calibration, Correction};
 use tilt::temperature::Compensated;
@@ -70,7 +71,9 @@ pub fn fit_motor(
             "give one slope, one angle and one acceleration for each stand",
         ));
     }
-    let fit = match mode(name)? {
+    let mode = mode(name)?;
+    let is_two_axis = !matches!(mode, sim::bench::Mode::OneAxis);
+    let fit = match mode {
         sim::bench::Mode::OneAxis => motor::one_axis,
         sim::bench::Mode::Paper => {
             return Err(said(
@@ -83,8 +86,26 @@ pub fn fit_motor(
     let stands: Vec<Stand> = stands
         .map(|((slope, reference), felt)| stand(*slope, *reference, *felt))
         .collect();
-    let (correction, condition) = py.detach(|| fit(&stands)).map_err(said)?;
+    let fitted = py.detach(|| fit(&stands));
+    let (correction, condition) = fitted.map_err(|why| match is_two_axis {
+        true => said(with_left_out(why, &stands)),
+        false => said(why),
+    })?;
     Ok(of(correction, condition))
+}
+
+/// Why two slopes were not fitted, with the stands that their harmonics do not take.
+fn with_left_out(why: FitError, stands: &[Stand]) -> String {
+    let beyond = |stand: &&Stand| stand.reference_deg.abs() > FOLD_DEG;
+    let left_out = stands.iter().filter(beyond).count();
+    match (why, left_out) {
+        (FitError::TooFew { .. }, 1..) => format!(
+            "{why} between -{FOLD_DEG} and {FOLD_DEG} deg for each slope; {left_out} of {} stands \
+             are outside and were left out",
+            stands.len()
+        ),
+        _ => why.to_string(),
+    }
 }
 
 fn triples(flat: &[f64]) -> &[[f64; 3]] {

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import signal
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -225,12 +226,94 @@ def test_times_that_fall_were_taken_and_their_samples_dropped() -> None:
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGALRM"), reason="there is no such signal")
-@pytest.mark.parametrize("read_us", [None, []])
-def test_ctrl_c_waited_for_the_end_of_a_run(read_us: list[int] | None) -> None:
+def test_ctrl_c_waited_for_the_end_of_a_run() -> None:
     chain = plumb.Chain()
     counts = np.tile(np.array([0, 0, 16384], np.int16), (8_000_000, 1))
     with interrupted(0.2):
-        chain.run(counts, read_us=read_us)
+        chain.run(counts)
     # The chain is as it was after the samples that it has taken in.
     [after_us] = chain.run(counts[:1]).read_us
     assert 0 < after_us < len(counts) * chain.period_us and after_us % chain.period_us == 0
+
+
+FULL_CIRCLE_DEG = np.arange(0.0, 360.0, 30.0)
+
+
+@pytest.mark.parametrize(
+    ("what", "words"),
+    [
+        (lambda: plumb.Chain(5), "calibration is of type int: give bytes of a node, the path of a"),
+        (lambda: plumb.Chain(mode=None), "mode is None: give product, dynamic, paper or one-axis"),
+        (lambda: plumb.Chain(latency_us=-1), "latency_us is -1: give a whole number from 0 to 429"),
+        (lambda: plumb.Chain(latency_us=2**70), "latency_us is 1180591620717411303424: give a"),
+        (lambda: plumb.Chain(latency_us=0.5), "latency_us is 0.5: give a whole number"),
+        (lambda: plumb.Chain("none.json", channel=-1), "channel is -1: give a whole number from 0"),
+        (lambda: plumb.Chain(channel=5), "channel is 5: only a file of calibrations has channels"),
+        (
+            lambda: plumb.Chain(plumb.fit_poses(sphere()), channel=5),
+            "channel is 5: only a file of calibrations has channels",
+        ),
+        (
+            lambda: plumb.Chain().run(accel_g=[[0, 0, 1]], temperature_degc="warm"),
+            "temperature_degc is neither a number nor an array of numbers",
+        ),
+        (
+            lambda: plumb.Chain().run(accel_g=[[0, 0, 1]], temperature_degc=1e6),
+            "temperature_degc has 1e+06: a part tells -103 to 153 degC",
+        ),
+        (
+            lambda: plumb.Chain().run(accel_g=[[0, 0, 1]] * 2, temperature_degc=[25.0, -300.0]),
+            "temperature_degc has -300: a part tells -103 to 153 degC",
+        ),
+        (
+            lambda: plumb.Chain().run(accel_g=[[0, 0, 1]], rates=[[0, 0, 0]]),
+            "rates are of a gyroscope, which this mode does not have: leave them out",
+        ),
+        (
+            lambda: plumb.Chain().run(np.ma.masked_greater([[0, 0, 16384]], 5)),
+            "counts has masked values: leave these rows out",
+        ),
+        (
+            lambda: plumb.Chain().run(accel_g=np.ma.masked_greater([[0, 0, 1.0]], 0.5)),
+            "accel_g has masked values: leave these rows out",
+        ),
+        (
+            lambda: plumb.fit_poses(np.vstack([sphere(), [[0, 0, math.nan]]])),
+            "felt_g has values that are not finite: leave these stands out",
+        ),
+        (
+            lambda: plumb.fit_motor("x", [math.inf], [[0, 0, 1]]),
+            "reference_deg has values that are not finite: leave these stands out",
+        ),
+        (
+            lambda: plumb.fit_motor(
+                ["x"] * 12 + ["y"] * 12,
+                np.tile(FULL_CIRCLE_DEG, 2),
+                np.vstack([turned(FULL_CIRCLE_DEG, axis)[1] for axis in "xy"]),
+            ),
+            "3 readings do not determine the fit; take at least 6 between -86 and 86 deg for each "
+            "slope; 18 of 24 stands are outside and were left out",
+        ),
+    ],
+)
+def test_a_wrong_argument_was_told_from_inside_or_taken(what, words: str) -> None:
+    with pytest.raises(plumb.Error) as told:
+        what()
+    assert str(told.value).startswith(words), told.value
+
+
+def test_a_masked_temperature_was_not_read() -> None:
+    level = np.tile([0.0, 0.0, 1.0], (400, 1))
+    calibration = bytes.fromhex(GOLDEN["product"]["calibration"])
+    masked = np.ma.masked_array(np.full(400, 25), mask=True)
+    readings = plumb.Chain(calibration).run(accel_g=level, temperature_degc=masked)
+    assert plumb.REASONS[int(readings.reason[-1, 0])] == "temperature not known"
+
+
+def test_two_threads_on_one_chain_met_an_error_from_inside() -> None:
+    chain = plumb.Chain()
+    counts = np.tile(np.array([0, 0, 16384], np.int16), (100_000, 1))
+    with ThreadPoolExecutor(4) as pool:
+        runs = list(pool.map(lambda _: chain.run(counts).read_us, range(8)))
+    firsts = sorted(int(read_us[0]) for read_us in runs)
+    assert firsts == [number * len(counts) * chain.period_us for number in range(8)]
