@@ -13,7 +13,7 @@ from typing import Any
 import can
 
 from ._plumb import Error
-from .twin import NS, Frame, Timer, Twin, _ns
+from .twin import Frame, Timer, Twin, _ns
 
 SILENCE_S = 3600.0
 """A wait without an end is given up after this much virtual time."""
@@ -130,7 +130,9 @@ class TwinBus(can.BusABC):
         """
         self._check_open()
         world = self.twin._world
-        until_ns = world.now_ns + round((SILENCE_S if timeout is None else timeout) * NS)
+        wait_s = SILENCE_S if timeout is None else timeout
+        # As in python-can a timeout that is over already is none.
+        until_ns = world.now_ns + (0 if wait_s < 0 else _ns(wait_s, "timeout"))
         while (frame := self._next(until_ns)) is not None:
             message = self._message(frame)
             if self._matches_filters(message):

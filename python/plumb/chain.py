@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import operator
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Union
 
 import numpy as np
@@ -24,8 +24,18 @@ REASONS: dict[int, str] = _plumb.reasons()
 """Why there is no angle, in words, by the code in `Readings.reason`; 0 stands for an angle."""
 
 
-@dataclass(frozen=True)
-class Readings:
+class _Arrays:
+    """A dataclass with arrays, which are equal where all their values are."""
+
+    def __eq__(self, other: object) -> bool:
+        if type(other) is not type(self):
+            return NotImplemented
+        names = [field.name for field in fields(self)]  # type: ignore[arg-type]
+        return all(np.array_equal(getattr(self, name), getattr(other, name)) for name in names)
+
+
+@dataclass(frozen=True, eq=False)
+class Readings(_Arrays):
     """What a chain has read: a row for each instant, a column for axis X and one for axis Y."""
 
     read_us: npt.NDArray[np.uint64]
@@ -56,8 +66,8 @@ class Readings:
         return np.where(known, self.uncertainty * DEG_PER_STEP, np.nan)
 
 
-@dataclass(frozen=True)
-class Fit:
+@dataclass(frozen=True, eq=False)
+class Fit(_Arrays):
     """A fitted correction; a `Chain` takes it as its calibration."""
 
     calibration: bytes
@@ -70,6 +80,9 @@ class Fit:
     """Root mean square of length minus 1 g over the poses; None of a motor."""
     condition: float
     """Condition figure of the fit."""
+
+    def __hash__(self) -> int:
+        return hash(self.calibration)
 
 
 class Chain:

@@ -20,10 +20,23 @@ NODES = 127
 
 
 def paths(given: Path | Iterable[Path]) -> list[str]:
-    """One path or several, as text."""
+    """One path or several, as text.
+
+    Errors: `Error` where one is something else. The lines of an open file would be taken for paths.
+    """
     if isinstance(given, (str, os.PathLike)):
-        return [os.fspath(given)]
-    return [os.fspath(path) for path in given]
+        return [_path(given)]
+    if isinstance(given, (bytes, bytearray)) or not isinstance(given, Iterable):
+        raise Error(f"{given!r} is no path: give one, or a list of them")
+    if hasattr(given, "read"):
+        raise Error("an open file was given in place of a path: give its name")
+    return [_path(path) for path in given]
+
+
+def _path(given: Path) -> str:
+    if not isinstance(given, (str, os.PathLike)) or isinstance(path := os.fspath(given), bytes):
+        raise Error(f"{given!r} is no path: give one, or a list of them")
+    return path
 
 
 def logs_of(given: Path | Iterable[Path]) -> list[str]:

@@ -14,6 +14,9 @@ from .logs import node_ids as ids_of
 
 NS = 1_000_000_000
 
+LONGEST_S = 100 * 365.25 * 86_400
+"""The virtual clock counts ns in 64 bits, which are 584 years."""
+
 IDS = 1 << 29
 """Identifiers that there are, with 29 bits."""
 
@@ -21,10 +24,12 @@ IDS = 1 << 29
 def _ns(seconds: float, name: str) -> int:
     """A time in ns.
 
-    Errors: `Error` where it is negative or not finite.
+    Errors: `Error` where it is negative, not finite, or beyond the virtual clock.
     """
     if not (math.isfinite(seconds) and seconds >= 0):
         raise Error(f"{name} is a time from 0 on, and not {seconds}")
+    if seconds > LONGEST_S:
+        raise Error(f"{name} is {seconds} s: give at most {LONGEST_S:.0f} s, 100 years")
     return round(seconds * NS)
 
 
@@ -174,9 +179,11 @@ class Twin:
         """Carries out a word of `plumb serve`, such as `pitch 30` or `fault b stuck`, or puts it
         off (`+2 s level`); what it has to tell. `wait 2 s` takes virtual time.
 
-        Errors: `Error` where it can't be carried out, or is `wait` while messages are sent
-        periodically, which the word would let pass.
+        Errors: `Error` where it can't be carried out, is `quit`, which is for the program, or is
+        `wait` while messages are sent periodically, which the word would let pass.
         """
+        if words.partition("#")[0].split()[-1:] == ["quit"]:
+            raise Error("quit ends the program plumb serve: delete the twin instead")
         if self._timers and words.split()[:1] == ["wait"]:
             raise Error("messages are sent periodically: let time go on by run() in place of wait")
         answer = self._world.say(words)

@@ -317,3 +317,13 @@ def test_two_threads_on_one_chain_met_an_error_from_inside() -> None:
         runs = list(pool.map(lambda _: chain.run(counts).read_us, range(8)))
     firsts = sorted(int(read_us[0]) for read_us in runs)
     assert firsts == [number * len(counts) * chain.period_us for number in range(8)]
+
+
+def test_comparing_fits_and_readings_was_an_error_of_numpy() -> None:
+    one, same, other = (plumb.fit_poses(sphere() * scale) for scale in (1.01, 1.01, 1.02))
+    assert one == same and one != other and one != "a fit"
+    assert other in [one, other] and len({one, same, other}) == 2
+    moving = moving_g(200)
+    readings = plumb.Chain().run(accel_g=moving)
+    assert readings == plumb.Chain().run(accel_g=moving) != plumb.Chain().run(accel_g=moving[1:])
+    assert readings != plumb.Chain(mode="paper").run(accel_g=moving)

@@ -272,3 +272,13 @@ def test_a_time_that_is_none_was_told_without_the_argument_and_its_value(
 def test_begin_and_end_may_be_numbers(log: pathlib.Path) -> None:
     wanted = plumb.decode(log, begin="1", end="2.5").read_all()
     assert plumb.decode(log, begin=1, end=2.5).read_all() == wanted and wanted.num_rows > 0
+
+
+def test_the_first_line_of_an_open_file_was_taken_for_a_path(log: pathlib.Path) -> None:
+    for mode in ("r", "rb"):
+        with log.open(mode) as file, pytest.raises(plumb.Error, match="^an open file was given in"):
+            plumb.decode(file)
+    for given in (5, b"machine.log", [5], [b"machine.log"]):
+        for what in (plumb.decode, plumb.summarise):
+            with pytest.raises(plumb.Error, match=" is no path: give one, or a list of them$"):
+                what(given)

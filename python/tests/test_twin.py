@@ -287,6 +287,13 @@ def test_words_of_python_can_beside_those_of_the_twin() -> None:
         (lambda: plumb.Twin(calibrated=False).run(-1.0), "seconds is a time from 0 on"),
         (lambda: plumb.Twin(calibrated=False).run(float("nan")), "seconds is a time from 0 on"),
         (lambda: plumb.Twin(calibrated=False).run_until(float("inf")), "time_s is a time from"),
+        # It was an OverflowError.
+        (lambda: plumb.Twin(calibrated=False).run(1e300), "seconds is 1e+300 s: give at most 31"),
+        (lambda: plumb.Twin(calibrated=False).run_until(1e10), "time_s is 10000000000.0 s: give"),
+        (lambda: TwinBus(calibrated=False).recv(float("nan")), "timeout is a time from 0 on"),
+        # They did nothing.
+        (lambda: plumb.Twin(calibrated=False).say("quit"), "quit ends the program plumb serve"),
+        (lambda: plumb.Twin(calibrated=False).say("+1 s quit # now"), "quit ends the program"),
         (
             lambda: plumb.Twin(calibrated=False).wait_for(lambda _: True, -1.0),
             "timeout_s is a time from 0 on",
