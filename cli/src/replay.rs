@@ -4,6 +4,7 @@
 //! Which of both they are is read from the files; options of the other kind are refused. A file
 //! that can't be opened is left to those who read it.
 
+use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -157,6 +158,8 @@ pub fn are_logs(arguments: &Arguments) -> Result<bool, ReplayError> {
         (Some(_), _) => arguments
             .only_of_recordings()
             .map_or(Ok(true), |option| Err(refuse(option, RECORDINGS))),
+        // Of what can't be opened nobody can tell what it is.
+        (None, _) if !arguments.files.iter().all(|file| can_be_opened(file)) => Ok(false),
         (None, _) => arguments
             .only_of_logs()
             .map_or(Ok(false), |option| Err(refuse(option, LOGS))),
@@ -170,6 +173,14 @@ fn is_log(path: &Path) -> bool {
     // What can't be opened twice is no recording either.
     is_folder || !can_be_opened_again && (path.exists() || path.as_os_str() == "-") || {
         can_be_opened_again && matches!(bus_logs::kind_of(path), Ok(Some(_)))
+    }
+}
+
+/// True unless opening it fails; a pipe is not opened, which would wait for its writer.
+fn can_be_opened(path: &Path) -> bool {
+    match path.is_file() {
+        true => File::open(path).is_ok(),
+        false => path.exists() || path.as_os_str() == "-",
     }
 }
 

@@ -179,6 +179,16 @@ fn files_that_are_no_recording() {
 }
 
 #[test]
+fn a_log_that_is_not_there_was_refused_its_options() {
+    let folder = Folder::new("missing-log");
+    let (log, table) = (folder.path("none.log"), folder.path("table.csv"));
+    for option in [["--export", &table], ["--from", "5"], ["--nodes", "1,2"]] {
+        let all = [&[log.as_str()], &option[..]].concat();
+        refused(&folder, &all, "none.log", "there is no such file");
+    }
+}
+
+#[test]
 fn poses_that_do_not_make_a_calibration() {
     let folder = Folder::new("bad-poses");
     let few = SQUARE.record(|i| up(i.min(4 * 500)));
