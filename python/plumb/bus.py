@@ -23,7 +23,7 @@ STEP_NS = 1_000_000
 
 
 class BusError(can.CanOperationError, Error):
-    """What can't be done on the bus, for those who catch errors of python-can or of this package."""
+    """What can't be done on the bus: an error of python-can and of this package."""
 
 
 class PeriodicSend(

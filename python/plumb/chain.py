@@ -18,7 +18,7 @@ Calibration = Union[bytes, str, "os.PathLike[str]", "Fit"]
 DEG_PER_STEP = 360.0 / 2**32
 
 COLDEST_DEGC, HOTTEST_DEGC = -103.0, 153.0
-"""What a part can tell: 16 bits, 256 steps per degC, 0 at 25 degC (data sheets, OUT_T, OUT_TEMP)."""
+"""What a part can tell: 16 bits, 256 steps per degC, 0 at 25 degC (both data sheets)."""
 
 REASONS: dict[int, str] = _plumb.reasons()
 """Why there is no angle, in words, by the code in `Readings.reason`; 0 stands for an angle."""
@@ -108,7 +108,8 @@ class Chain:
         if not (given is None or isinstance(given, (bytes, bytearray, str, os.PathLike))):
             kind = type(calibration).__name__
             raise Error(
-                f"calibration is of type {kind}: give bytes of a node, the path of a file, a Fit or None"
+                f"calibration is of type {kind}: "
+                "give bytes of a node, the path of a file, a Fit or None"
             )
         if not isinstance(mode, str):
             raise Error(f"mode is {mode!r}: give product, dynamic, paper or one-axis")
@@ -220,8 +221,8 @@ def fit_motor(
     """Fits matrix, offset and harmonics to a motor's stands.
 
     `slope` is "x" or "y" for each stand: what was turned; `reference_deg` the motor's angle;
-    `felt_g` the mean acceleration, n x 3 in g. In mode one-axis all is turned about one axis; in the
-    others stands beyond 86 deg serve for the matrix, and not for the harmonics.
+    `felt_g` the mean acceleration, n x 3 in g. In mode one-axis all is turned about one axis; in
+    the others stands beyond 86 deg serve for the matrix, and not for the harmonics.
     """
     axes = np.asarray(slope)
     if not np.isin(axes, ["x", "y"]).all():
@@ -297,9 +298,9 @@ def _refuse_mask(values: object, name: str) -> None:
 def _temperatures(given: npt.ArrayLike | float | None, samples: int) -> npt.NDArray | None:
     if given is None:
         return None
-    if isinstance(given, np.ma.MaskedArray):
-        given = given.astype(np.float64).filled(np.nan)
     try:
+        if isinstance(given, np.ma.MaskedArray):
+            given = np.ma.filled(given.astype(np.float64), np.nan)
         array = np.asarray(given, dtype=np.float64)
     except (TypeError, ValueError):
         raise Error("temperature_degc is neither a number nor an array of numbers") from None

@@ -204,11 +204,11 @@ def test_times_that_fall_were_taken_and_their_samples_dropped() -> None:
     moving = moving_g(4)
     falls = "give times in their order, or begin anew with reset\\(\\)$"
     chain = plumb.Chain()
-    with pytest.raises(plumb.Error, match=r"^times_us\[2\] is 10 us and the one before it is at 20 us"):
+    with pytest.raises(plumb.Error, match=r"^times_us\[2\] is 10 us and the one before it is"):
         chain.run(accel_g=moving, times_us=[0, 20, 10, 30])
     with pytest.raises(plumb.Error, match=falls):
         chain.run(accel_g=moving, times_us=[0, 10, 10, 20])
-    with pytest.raises(plumb.Error, match=r"^read_us\[1\] is 5 us and the one before it is at 20 us"):
+    with pytest.raises(plumb.Error, match=r"^read_us\[1\] is 5 us and the one before it is"):
         chain.run(accel_g=moving, read_us=[20, 5])
     # Nothing was taken in.
     assert chain.run(accel_g=moving).read_us[0] == 0

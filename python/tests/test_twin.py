@@ -239,7 +239,7 @@ def test_a_bus_that_was_shut_down_took_messages_and_gave_old_ones() -> None:
     bus.shutdown()
     bus.shutdown()
     for what in (lambda: bus.send(SYNC), lambda: bus.recv(0.1), lambda: bus.send_periodic(SYNC, 1)):
-        with pytest.raises(can.CanOperationError, match="^the bus was shut down: open another one$"):
+        with pytest.raises(can.CanOperationError, match="^the bus was shut down"):
             what()
     assert twin.now_s == 1.0 and twin._timers == []
 
