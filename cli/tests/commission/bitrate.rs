@@ -1,6 +1,5 @@
 //! Changes of the bit rate that are refused, interrupted, or follow an interrupted one.
 
-use std::process::Child;
 use std::thread::sleep;
 use std::time::Duration;
 
@@ -16,8 +15,9 @@ const NOT_REACHED: &str = "note: these nodes were not reached and keep their bit
 /// NMT: reset node.
 const RESET: u8 = 0x81;
 
-fn begun(bench: &Bench) -> Child {
-    begin(bench, &["bitrate", "500"])
+/// A change that is interrupted at such a request.
+fn at(bench: &Bench, command: &'static [u8; 1]) -> Interrupted {
+    interrupted(&bench.bus, &["bitrate", "500"], At::first(command), || ())
 }
 
 #[test]
@@ -57,10 +57,7 @@ fn bitrate_by_force_did_not_name_the_node_that_it_has_not_reached() {
 #[test]
 fn bitrate_interrupted_before_the_change_left_the_new_rate_stored() {
     let bench = Bench::quick(&[]);
-    let mut watch = Watch::new(&bench);
-    let change = begun(&bench);
-    watch.until("17");
-    assert_eq!(interrupted(change), "plumb: interrupted");
+    assert_eq!(at(&bench, b"\x17").err, "plumb: interrupted");
     assert_eq!(bench.done(&["bitrate"]), BOTH_AS_BEFORE);
     bench.nmt(RESET, 0);
     assert_eq!(bench.done(&["bitrate"]), BOTH_AS_BEFORE);
@@ -69,11 +66,12 @@ fn bitrate_interrupted_before_the_change_left_the_new_rate_stored() {
 #[test]
 fn bitrate_interrupted_on_a_dead_bus_did_not_say_what_is_stored() {
     let mut bench = Bench::quick(&[]);
-    let mut watch = Watch::new(&bench);
-    let change = begun(&bench);
-    watch.until("17");
-    bench.word("power all off");
-    let told = interrupted(change);
+    let bus = bench.bus.clone();
+    let told = interrupted(&bus, &["bitrate", "500"], At::first(b"\x17"), || {
+        bench.word("power all off");
+        sleep(Duration::from_millis(200));
+    });
+    let told = told.err;
     assert!(
         told.contains("may have stored 500 kbit/s") && told.contains("next reset on: 1, 2;"),
         "{told}"
@@ -83,10 +81,7 @@ fn bitrate_interrupted_on_a_dead_bus_did_not_say_what_is_stored() {
 #[test]
 fn bitrate_interrupted_behind_the_change_did_not_say_that_the_nodes_have_changed() {
     let mut bench = Bench::quick(&[]);
-    let mut watch = Watch::new(&bench);
-    let change = begun(&bench);
-    watch.until("15");
-    let told = interrupted(change);
+    let told = at(&bench, b"\x15").err;
     assert!(
         told.starts_with("plumb: interrupted; these nodes have changed to 500 kbit/s")
             && told.contains("stored it: 1, 2;")
@@ -102,19 +97,17 @@ fn bitrate_interrupted_behind_the_change_did_not_say_that_the_nodes_have_changed
 #[test]
 fn bitrate_interrupted_in_the_selection_left_a_node_in_the_configuration_state() {
     let bench = Bench::quick(&[]);
-    let mut watch = Watch::new(&bench);
-    let change = begun(&bench);
-    watch.until("43");
-    assert_eq!(interrupted(change), "plumb: interrupted");
-    watch.until("0400");
+    let told = at(&bench, b"\x43");
+    assert_eq!(told.err, "plumb: interrupted");
+    let mut behind = told.behind.iter();
+    assert!(behind.any(|(id, data)| *id == LSS && data.starts_with(&[4, 0])));
     assert_eq!(bench.done(&["bitrate"]), BOTH_AS_BEFORE);
 }
 
 #[test]
 fn bitrate_did_not_find_a_node_that_was_left_in_the_configuration_state() {
     let mut bench = Bench::quick(&[]);
-    Watch::new(&bench).request("4 1 0 0 0 0 0 0");
-    sleep(Duration::from_millis(200));
+    request(&bench, "4 1 0 0 0 0 0 0");
     let out = bench.at_500_kbit(&[], 3500);
     assert!(
         out.ends_with("node 2: 500 kbit/s, changed and stored"),

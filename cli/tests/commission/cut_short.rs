@@ -1,4 +1,4 @@
-//! Verbs that write, cut short behind any frame that they send, and called again.
+//! Verbs that write, cut short at any frame that they send, and called again.
 //!
 //! In: each verb, each of its frames, and an event: the user interrupts the program, it is killed,
 //! its adapter is unplugged, or a node loses its supply. Out: what the verb prints names each node
@@ -42,7 +42,7 @@ const VERBS: [(&[&str], &str, &str); 5] = [
     (&["restore", "--stop"], "heartbeat", "200 ms"),
 ];
 
-/// What comes behind a frame.
+/// What comes when a frame was sent and before it is on the bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Event {
     /// Ctrl-C.
@@ -67,7 +67,7 @@ const EVENTS: [Event; 5] = [
 #[derive(Clone, Copy, Debug)]
 struct Case {
     verb: usize,
-    /// Behind this frame of those that it sends.
+    /// At this frame of those that it sends.
     frame: usize,
     event: Event,
 }
@@ -207,7 +207,7 @@ fn carry_out(case: Case) -> Option<String> {
     })
 }
 
-/// Every event behind those frames of a verb that are wanted.
+/// Every event at those frames of a verb that are wanted.
 fn cases(verb: usize, wanted: impl Fn(&Frame) -> bool) -> Vec<Case> {
     let frames = frames(verb).into_iter();
     let frames = frames.filter(|(_, frame)| wanted(frame));
@@ -218,7 +218,7 @@ fn cases(verb: usize, wanted: impl Fn(&Frame) -> bool) -> Vec<Case> {
 /// A long run tries every frame of every verb; any other one two frames of the first: the write to
 /// one node, and the command by which the other one leaves OPERATIONAL.
 #[test]
-fn a_verb_cut_short_behind_any_frame_names_what_it_changed_and_is_done_by_a_second_call() {
+fn a_verb_cut_short_at_any_frame_names_what_it_changed_and_is_done_by_a_second_call() {
     let few = |(id, data): &Frame| match id {
         0 => *data == [0x80, 2],
         _ => *id == 0x601 && data[0] & 0xE0 == 0x20,

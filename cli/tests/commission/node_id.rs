@@ -24,38 +24,43 @@ fn assert_are(bench: &Bench, ids: [u8; 2]) {
     }
 }
 
-/// Interrupts new node-ids at such a request, by its number, and expects the old ones.
-fn assert_taken_back(bench: &Bench, request: &str, number: usize) {
-    let mut watch = Watch::new(bench);
-    let change = begin(bench, &[&NEW[..], &["--node", "1,2"]].concat());
-    for _ in 0..number {
-        watch.until(request);
+/// The frame with which a node is told to store, by its number.
+const fn store(number: usize) -> At {
+    At {
+        number,
+        ..At::first(b"\x17")
     }
-    assert_eq!(interrupted(change), "plumb: interrupted");
+}
+
+/// What new node-ids say that are interrupted there.
+fn at(bench: &Bench, words: &[&str], at: At) -> String {
+    interrupted(&bench.bus, words, at, || ()).err
+}
+
+/// Interrupts new node-ids there, and expects the old ones.
+fn assert_taken_back(bench: &Bench, there: At) {
+    let words = [&NEW[..], &["--node", "1,2"]].concat();
+    assert_eq!(at(bench, &words, there), "plumb: interrupted");
     assert_are(bench, [1, 2]);
 }
 
 #[test]
 fn node_id_interrupted_before_it_was_stored_left_it_pending() {
-    assert_taken_back(&Bench::quick(&[]), "11", 1);
+    assert_taken_back(&Bench::quick(&[]), At::first(b"\x11"));
 }
 
 #[test]
 fn node_id_interrupted_before_the_reset_left_it_stored() {
     let bench = Bench::quick(&[]);
-    assert_taken_back(&bench, "17", 1);
+    assert_taken_back(&bench, store(1));
     // The first channel has stored its own by then.
-    assert_taken_back(&bench, "17", 2);
+    assert_taken_back(&bench, store(2));
 }
 
 #[test]
 fn node_id_interrupted_on_fresh_nodes_left_one_with_a_node_id() {
     let bench = Bench::quick(&["--node-ids", "none"]);
-    let mut watch = Watch::new(&bench);
-    let change = begin(&bench, &NEW);
-    watch.until("17");
-    watch.until("17");
-    assert_eq!(interrupted(change), "plumb: interrupted");
+    assert_eq!(at(&bench, &NEW, store(2)), "plumb: interrupted");
     sleep(Duration::from_millis(500));
     let (status, _, told) = bench.say(&["get", "heartbeat"]);
     assert_eq!(status, Some(2), "{told}");
@@ -70,11 +75,13 @@ fn node_id_interrupted_on_fresh_nodes_left_one_with_a_node_id() {
 #[test]
 fn node_id_interrupted_on_a_dead_bus_did_not_say_what_is_stored() {
     let mut bench = Bench::quick(&[]);
-    let mut watch = Watch::new(&bench);
-    let change = begin(&bench, &["node-id", "7", "--node", "1"]);
-    watch.until("17");
-    bench.word("power all off");
-    let told = interrupted(change);
+    let bus = bench.bus.clone();
+    let words = ["node-id", "7", "--node", "1"];
+    let told = interrupted(&bus, &words, store(1), || {
+        bench.word("power all off");
+        sleep(Duration::from_millis(200));
+    });
+    let told = told.err;
     assert!(
         told.contains("may be stored") && told.contains("reset on: 7 for node 1;"),
         "{told}"
@@ -84,10 +91,12 @@ fn node_id_interrupted_on_a_dead_bus_did_not_say_what_is_stored() {
 #[test]
 fn node_id_interrupted_behind_the_reset_did_not_say_that_the_nodes_have_changed() {
     let bench = Bench::quick(&[]);
-    let mut watch = Watch::new(&bench);
-    let change = begin(&bench, &[&NEW[..], &["--node", "1,2"]].concat());
-    watch.until_frame("000", "8202");
-    let told = interrupted(change);
+    let last_reset = At {
+        id: 0,
+        begin: b"\x82\x02",
+        number: 1,
+    };
+    let told = at(&bench, &[&NEW[..], &["--node", "1,2"]].concat(), last_reset);
     assert!(
         told.starts_with("plumb: interrupted; these nodes have their new node-ids: 10, 11;"),
         "{told}"

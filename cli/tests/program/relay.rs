@@ -1,7 +1,8 @@
 //! A relay between the program and a bus of socketcand: it sees what the program sends.
 //!
-//! In: the bus, and what to do behind a frame. Out: frames pass in both directions until the
-//! program ends or the relay is told to end, which closes the connection on both sides.
+//! In: the bus, and what to do at a frame, before the bus has it: what answers it cannot come
+//! first. Out: frames pass in both directions until the program ends or the relay is told to end,
+//! which closes the connection on both sides.
 
 use std::io::{Read, Write};
 use std::net::{Shutdown, TcpListener, TcpStream};
@@ -10,9 +11,9 @@ use std::thread;
 /// Whether a relay goes on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Next {
-    /// It passes on what comes.
+    /// It passes on the frame and what comes.
     Goes,
-    /// The connection is cut.
+    /// It passes on the frame, and the connection is cut.
     Ends,
 }
 
@@ -35,9 +36,9 @@ impl Relay {
         self.door.local_addr().unwrap().to_string()
     }
 
-    /// Takes the program's connection and passes on what comes; `behind` is told of each frame of
-    /// the program, once the bus has it. True where that has ended it, false where the program has.
-    pub fn pass(&self, mut behind: impl FnMut(u16, &[u8]) -> Next) -> bool {
+    /// Takes the program's connection and passes on what comes; `at` is told of each frame of the
+    /// program before that. True where `at` has ended it, false where the program has.
+    pub fn pass(&self, mut at: impl FnMut(u16, &[u8]) -> Next) -> bool {
         let (mut from, _) = self.door.accept().unwrap();
         let mut to = TcpStream::connect(&self.bus).unwrap();
         let (mut answers, mut back) = (to.try_clone().unwrap(), from.try_clone().unwrap());
@@ -46,28 +47,25 @@ impl Relay {
                 let _ = std::io::copy(&mut answers, &mut back);
                 let _ = back.shutdown(Shutdown::Both);
             });
-            let ended = sent(&mut from, &mut to, &mut behind);
+            let ended = sent(&mut from, &mut to, &mut at);
             let _ = to.shutdown(Shutdown::Both);
             ended
         })
     }
 }
 
-fn sent(
-    from: &mut TcpStream,
-    to: &mut TcpStream,
-    behind: &mut impl FnMut(u16, &[u8]) -> Next,
-) -> bool {
+fn sent(from: &mut TcpStream, to: &mut TcpStream, at: &mut impl FnMut(u16, &[u8]) -> Next) -> bool {
     let (mut text, mut bytes) = (String::new(), [0; 4096]);
     while let Ok(count @ 1..) = from.read(&mut bytes) {
         text += &String::from_utf8_lossy(&bytes[..count]);
         while let Some(end) = text.find('>') {
             let command: String = text.drain(..=end).collect();
+            let sent = frame(command.trim_matches(|c: char| "<> ".contains(c)));
+            let next = sent.map_or(Next::Goes, |(id, data)| at(id, &data));
             if to.write_all(command.as_bytes()).is_err() {
                 return false;
             }
-            let sent = frame(command.trim_matches(|c: char| "<> ".contains(c)));
-            if sent.is_some_and(|(id, data)| behind(id, &data) == Next::Ends) {
+            if next == Next::Ends {
                 return true;
             }
         }

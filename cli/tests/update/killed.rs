@@ -1,9 +1,9 @@
 //! `plumb update`, killed at any point and called again.
 //!
 //! Between the program and the bus stands a relay that reads what the program sends, and kills it
-//! behind a frame of its choice. Whatever that frame is, and whichever node comes first, the same
-//! command then brings both nodes to the new program, and in both calls together the time without a
-//! valid angle has the bound of an update that is not disturbed.
+//! at a frame of its choice, which the bus still gets. Whatever that frame is, and whichever node
+//! comes first, the same command then brings both nodes to the new program, and in both calls
+//! together the time without a valid angle has the bound of an update that is not disturbed.
 
 use std::process::Stdio;
 use std::sync::atomic::{AtomicBool, Ordering};
