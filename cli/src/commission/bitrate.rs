@@ -117,13 +117,9 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, CommissionError> {
     };
     answer(arguments).show(&bus, content, || {
         let rates = outcome.rates.iter().map(|rate| line(rate, changed));
-        rates
-            .chain(
-                arguments
-                    .rate
-                    .and_then(|rate| note(&outcome.not_reached, rate)),
-            )
-            .collect()
+        let rate = arguments.rate.into_iter();
+        let note = rate.filter_map(|rate| note(&outcome.not_reached, rate));
+        rates.chain(note).collect()
     })?;
     meant.complete()?;
     Ok(ExitCode::SUCCESS)
@@ -329,7 +325,7 @@ fn tell(bus: &mut Bus, nodes: &[u8], rate: u16, delay: u16) -> Result<(), Commis
         return Ok(());
     };
     let why = Fault::from(why);
-    match before.map(|before| master.store_instead(before)) {
+    match before.map(|before| master.store_bit_timing_instead(before)) {
         Some(Ok(_)) => Err(why.into()),
         _ => Err(CommissionError::StillStored(why, nodes.to_vec(), rate)),
     }

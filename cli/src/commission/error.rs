@@ -252,10 +252,15 @@ fn follow(rate: u16) -> String {
     )
 }
 
+/// Whether a reason of 2025h ends without anybody's doing: the sensor starts, the filter settles.
+pub const fn ends_by_itself(reason: u8) -> bool {
+    matches!(reason, 1 | 2)
+}
+
 /// What helps against a reason of 2025h.
 const fn remedy(reason: u8) -> &'static str {
     match reason {
-        1 | 2 => "wait a second and try again",
+        _ if ends_by_itself(reason) => "wait a second and try again",
         17 => "the channels disagree; mend that first, or take the nodes to PRE-OPERATIONAL",
         18 => "start the other channel as well, or take the node to PRE-OPERATIONAL",
         _ => "`plumb info` shows what is wrong",

@@ -16,7 +16,7 @@ use device::objects::row::Row;
 use serde::Serialize;
 
 use super::common::CommonOptions;
-use super::error::CommissionError;
+use super::error::{CommissionError, ends_by_itself};
 use bus_master::fault::Fault;
 use bus_master::nmt::State;
 use bus_master::node::Node;
@@ -27,12 +27,8 @@ use codes::value;
 /// The abort code of what can't be done in a node's present state.
 const WRONG_STATE: u32 = Abort::WrongState.code();
 
-/// Reasons of 2025h that end by themselves: the sensor starts, the filter settles.
-const STARTING: u8 = 1;
-const SETTLES: u8 = 2;
-
-/// For how long a write is tried again that is refused for one of these: a node whose other channel
-/// does not take part has no angle while it leaves OPERATIONAL.
+/// For how long a write is tried again that is refused for a reason that ends by itself: a node
+/// whose other channel does not take part has no angle while it leaves OPERATIONAL.
 const SETTLING: Duration = Duration::from_secs(2);
 
 /// Objects that count from the next reset on only; all others count at once.
@@ -170,7 +166,8 @@ fn write_here(
     loop {
         match node.write(named.index, named.sub, &bytes) {
             Err(Fault::Sdo(SdoError::Refused(.., WRONG_STATE))) => match why_not(node, named) {
-                CommissionError::NoAngle(.., STARTING | SETTLES) if Instant::now() < until => {}
+                CommissionError::NoAngle(.., reason)
+                    if ends_by_itself(reason) && Instant::now() < until => {}
                 why => return Err(why),
             },
             done => break done?,

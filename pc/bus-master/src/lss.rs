@@ -214,7 +214,7 @@ impl<'a> Master<'a> {
     ///
     /// Errors: see [`LssError`].
     pub fn store_node_id_instead(&mut self, id: u8) -> Result<usize, LssError> {
-        while self.answer(STORE, STORING)?.is_some() {}
+        self.await_store()?;
         self.configure_node_id(id)?;
         self.store()
     }
@@ -242,10 +242,16 @@ impl<'a> Master<'a> {
     /// just told to store, once that is over.
     ///
     /// Errors: see [`LssError`].
-    pub fn store_instead(&mut self, index: u8) -> Result<usize, LssError> {
-        while self.answer(STORE, STORING)?.is_some() {}
+    pub fn store_bit_timing_instead(&mut self, index: u8) -> Result<usize, LssError> {
+        self.await_store()?;
         self.configure_bit_timing(index)?;
         self.store()
+    }
+
+    /// Waits until no node answers any more that it has stored.
+    fn await_store(&mut self) -> Result<(), LssError> {
+        while self.answer(STORE, STORING)?.is_some() {}
+        Ok(())
     }
 
     /// Answers of all nodes: none may be a refusal, and one has to come.

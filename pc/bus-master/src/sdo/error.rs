@@ -17,19 +17,11 @@ pub enum SdoError {
     #[error("node {0} does not answer when asked for {a}", a = address(*.1, *.2))]
     Silent(u8, u16, u8),
     /// The node did not answer a write, which it may have taken all the same.
-    #[error(
-        "node {0} has not answered the write of {a}: whether it counts is not known, so read it \
-         back before you write again",
-        a = address(*.1, *.2)
-    )]
+    #[error("{a}", a = unanswered(*.0, *.1, *.2))]
     Unanswered(u8, u16, u8),
     /// It ended for this reason when a write had been sent and was not answered: node, index,
     /// sub-index.
-    #[error(
-        "{0}; node {1} has not answered the write of {a}: whether it counts is not known, so read \
-         it back before you write again",
-        a = address(*.2, *.3)
-    )]
+    #[error("{0}; {a}", a = unanswered(*.1, *.2, *.3))]
     Amid(Box<Self>, u8, u16, u8),
     /// The user has ended it when a write had been sent, which the node has taken: node, index,
     /// sub-index.
@@ -76,6 +68,15 @@ impl SdoError {
     pub const fn is_silence(&self) -> bool {
         matches!(self, Self::Silent(..) | Self::Unanswered(..))
     }
+}
+
+/// The sentence for a write that was not answered: node, index, sub-index.
+fn unanswered(node: u8, index: u16, sub: u8) -> String {
+    let object = address(index, sub);
+    format!(
+        "node {node} has not answered the write of {object}: whether it counts is not known, so \
+         read it back before you write again"
+    )
 }
 
 /// An object's address as people write it: `6012h`, or `1018h sub 2`.
