@@ -201,9 +201,7 @@ fn ends_quietly(mut served: Served) -> Option<i32> {
 #[test]
 fn an_interrupt_is_an_end_as_any_other() {
     let server = start(&[]);
-    let id = server.child.id().to_string();
-    let sent = Command::new("kill").args(["-INT", &id]).status().unwrap();
-    assert!(sent.success());
+    program::interrupt(&server.child);
     assert_eq!(ends(server), Some(0));
 }
 

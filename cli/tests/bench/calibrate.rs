@@ -6,7 +6,7 @@ use std::net::TcpStream;
 use std::process::{Child, ChildStderr, ChildStdin, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use super::stand::{Bench, interrupt, number, said};
+use super::stand::{Bench, number, said};
 
 /// A bench at which a calibration is watched.
 fn bench(more: &[&str]) -> Bench {
@@ -485,7 +485,7 @@ fn ctrl_c_leaves_the_nodes_as_they_were_found() {
         lines.next().unwrap().unwrap();
     }
     assert_eq!(state(&mut client, 2).as_deref(), Some("7F"));
-    interrupt(&run);
+    crate::program::interrupt(&run);
     let status = run.wait().unwrap();
     assert_eq!(status.code(), Some(2));
     let last = lines.map_while(Result::ok).last().unwrap();

@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use super::careful_motor::careful_motor;
 use super::parts::{responses, scale_errors, without_slopes};
-use super::stand::{Bench, interrupt, number, said};
+use super::stand::{Bench, number, said};
 
 /// A bench with a chamber and a housing three hundred times as fast as real ones: a dwell of 40 min
 /// is one of 8 s here.
@@ -138,7 +138,7 @@ fn an_interrupted_run_goes_on_where_it_was() {
     let before = bench.kept();
     let (run, mut lines) = begin(by_motor(&bench, &[]));
     await_dwells(&mut lines, 2);
-    interrupt(&run);
+    crate::program::interrupt(&run);
     let last = ended(run, lines);
     assert!(
         last.contains("interrupted") && last.contains("--resume"),

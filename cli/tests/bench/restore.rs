@@ -1,9 +1,7 @@
 //! `plumb calibrate --restore`, cut short in the middle of a calibration.
 
-use std::process::Stdio;
-
 use super::stand::*;
-use crate::program::relay::{Next, Relay};
+use crate::program::relay::{self, Next};
 
 /// Segments of the block download behind which the bus is lost.
 const SEGMENTS: usize = 9;
@@ -19,13 +17,9 @@ fn a_restore_that_lost_its_bus_left_a_silent_node() {
     let kept = |more: &[&str]| said(&bench.command(more).output().unwrap());
     assert_eq!(kept(&["calibrate", "--keep", &file]).0, Some(0));
 
-    let relay = Relay::to(&bench.bus);
-    let words = ["calibrate", "--restore", &file, "--bus", &relay.address()];
-    let mut program = plumb(&words);
-    let program = program.stdout(Stdio::piped()).stderr(Stdio::piped());
-    let program = program.spawn().unwrap();
     let mut behind: Option<usize> = None;
-    let cut = relay.pass(|_, data| {
+    let words = ["calibrate", "--restore", &file];
+    let (status, _, err) = relay::run(&bench.bus, &words, |_, _, data| {
         behind = match (behind, data) {
             (None, [BLOCK_DOWNLOAD, 0x61, 0x20, ..]) => Some(0),
             (behind, _) => behind.map(|count| count + 1),
@@ -35,8 +29,7 @@ fn a_restore_that_lost_its_bus_left_a_silent_node() {
             _ => Next::Goes,
         }
     });
-    assert!(cut);
-    let (status, _, err) = said(&program.wait_with_output().unwrap());
+    assert_eq!(behind, Some(SEGMENTS));
     assert_eq!(status, Some(2), "{err}");
     let advice = "node 1 could not be given back what was found: run the same command again";
     assert!(

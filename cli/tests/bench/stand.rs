@@ -1,7 +1,7 @@
 //! A virtual instrument on its bus with a motor and a chamber, for the tests of the bench's verbs.
 
 use std::fs;
-use std::process::{Child, Command};
+use std::process::Command;
 use std::time::Duration;
 
 pub use crate::program::{plumb, said};
@@ -67,12 +67,4 @@ impl Bench {
 /// A number of a report.
 pub fn number(report: &serde_json::Value, path: &str) -> f64 {
     report.pointer(path).unwrap().as_f64().unwrap()
-}
-
-/// Ctrl-C.
-#[cfg(unix)]
-pub fn interrupt(child: &Child) {
-    let pid = child.id().to_string();
-    let kill = Command::new("kill").args(["-INT", &pid]).status();
-    assert!(kill.unwrap().success());
 }

@@ -81,15 +81,19 @@ impl Bench {
         out
     }
 
-    /// An NMT command, by hand over socketcand.
+    /// An NMT command, by hand.
     pub fn nmt(&self, command: u8, node: u8) {
+        self.send(0, &[command, node]);
+    }
+
+    /// A frame, by hand over socketcand; the nodes have taken it then.
+    pub fn send(&self, id: u16, data: &[u8]) {
         use std::net::TcpStream;
         let mut stream = TcpStream::connect(&self.bus).unwrap();
-        write!(
-            stream,
-            "< open plumb >< rawmode >< send 0 2 {command:X} {node:X} >"
-        )
-        .unwrap();
+        let bytes: String = data.iter().map(|byte| format!(" {byte:X}")).collect();
+        let length = data.len();
+        let command = format!("< open plumb >< rawmode >< send {id:X} {length}{bytes} >");
+        stream.write_all(command.as_bytes()).unwrap();
         std::thread::sleep(Duration::from_millis(700));
     }
 }

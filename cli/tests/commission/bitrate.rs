@@ -8,6 +8,8 @@ use super::watch::*;
 
 const BOTH_AS_BEFORE: &str = "node 1: 250 kbit/s\nnode 2: 250 kbit/s";
 
+const CHANGE: [&str; 2] = ["bitrate", "500"];
+
 const NOT_REACHED: &str = "note: these nodes were not reached and keep their bit rate: 2; on a bus \
                            at 500 kbit/s they disturb the others, so connect them to a bus of \
                            their own at their rate, and use `plumb bitrate 500 --force` there";
@@ -17,7 +19,7 @@ const RESET: u8 = 0x81;
 
 /// A change that is interrupted at such a request.
 fn at(bench: &Bench, command: &'static [u8; 1]) -> Interrupted {
-    interrupted(&bench.bus, &["bitrate", "500"], At::first(command), || ())
+    interrupted(bench, &CHANGE, At::first(command))
 }
 
 #[test]
@@ -66,12 +68,7 @@ fn bitrate_interrupted_before_the_change_left_the_new_rate_stored() {
 #[test]
 fn bitrate_interrupted_on_a_dead_bus_did_not_say_what_is_stored() {
     let mut bench = Bench::quick(&[]);
-    let bus = bench.bus.clone();
-    let told = interrupted(&bus, &["bitrate", "500"], At::first(b"\x17"), || {
-        bench.word("power all off");
-        sleep(Duration::from_millis(200));
-    });
-    let told = told.err;
+    let told = interrupted_on_a_dead_bus(&mut bench, &CHANGE, At::first(b"\x17"));
     assert!(
         told.contains("may have stored 500 kbit/s") && told.contains("next reset on: 1, 2;"),
         "{told}"
@@ -107,7 +104,7 @@ fn bitrate_interrupted_in_the_selection_left_a_node_in_the_configuration_state()
 #[test]
 fn bitrate_did_not_find_a_node_that_was_left_in_the_configuration_state() {
     let mut bench = Bench::quick(&[]);
-    request(&bench, "4 1 0 0 0 0 0 0");
+    bench.send(LSS, &[4, 1, 0, 0, 0, 0, 0, 0]);
     let out = bench.at_500_kbit(&[], 3500);
     assert!(
         out.ends_with("node 2: 500 kbit/s, changed and stored"),

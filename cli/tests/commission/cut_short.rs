@@ -7,13 +7,12 @@
 //!
 //! Left out: changes of the bit rate (`bitrate`) and of the program (the tests of `update`).
 
-use std::process::{Command, Stdio};
 use std::thread;
 use std::time::Duration;
 
 use super::bench::*;
-use crate::program::relay::{Next, Relay};
-use crate::program::{each_case, is_long};
+use crate::program::relay::{self, Next};
+use crate::program::{each_case, interrupt, is_long};
 
 /// NMT: start.
 const START: u8 = 1;
@@ -89,9 +88,9 @@ impl Seen {
     }
 }
 
-/// A verb with its nodes, by way of this bus.
-fn words(verb: usize, bus: &str) -> Vec<&str> {
-    [VERBS[verb].0, &["--node", "1,2", "--bus", bus]].concat()
+/// A verb with its nodes.
+fn words(verb: usize) -> Vec<&'static str> {
+    [VERBS[verb].0, &["--node", "1,2"]].concat()
 }
 
 /// An instrument at work.
@@ -104,50 +103,31 @@ fn started() -> Bench {
 /// The frames that a verb sends, by their order; one that is sent again and again counts once.
 fn frames(verb: usize) -> Vec<(usize, Frame)> {
     let bench = started();
-    let relay = Relay::to(&bench.bus);
-    let mut program = plumb(&words(verb, &relay.address()));
-    let program = program.stdout(Stdio::null()).spawn().unwrap();
     let mut sent: Vec<(usize, Frame)> = Vec::new();
-    relay.pass(|id, data| {
+    let (status, _, err) = relay::run(&bench.bus, &words(verb), |_, id, data| {
         sent.push((sent.len(), (id, data.to_vec())));
         Next::Goes
     });
+    assert_eq!(status, Some(0), "{err}");
     sent.dedup_by(|(_, later), (_, before)| later == before);
-    assert!(program.wait_with_output().unwrap().status.success());
     sent
 }
 
 /// Runs a verb and cuts it short; what it prints.
 fn cut_short(bench: &mut Bench, case: Case) -> Said {
-    let relay = Relay::to(&bench.bus);
-    let mut program = plumb(&words(case.verb, &relay.address()));
-    let program = program.stdout(Stdio::piped()).stderr(Stdio::piped());
-    let program = program.spawn().unwrap();
-    let id = program.id().to_string();
-    // A program that has ended by itself is not there to be told.
-    let signal = |name: &str| {
-        let mut kill = Command::new("kill");
-        kill.args([name, &id])
-            .stderr(Stdio::null())
-            .status()
-            .unwrap()
-    };
+    let bus = bench.bus.clone();
     let mut count = 0;
-    thread::scope(|scope| {
-        let ended = scope.spawn(move || said(&program.wait_with_output().unwrap()));
-        relay.pass(|_, _| {
-            let is_here = count == case.frame;
-            count += 1;
-            match case.event {
-                _ if !is_here => return Next::Goes,
-                Event::Interrupt => drop(signal("-INT")),
-                Event::Kill => drop(signal("-KILL")),
-                Event::Unplugged => return Next::Ends,
-                Event::Off(channel) => bench.word(&format!("power {channel} off")),
-            }
-            Next::Goes
-        });
-        ended.join().unwrap()
+    relay::run(&bus, &words(case.verb), |program, _, _| {
+        let is_here = count == case.frame;
+        count += 1;
+        match case.event {
+            _ if !is_here => {}
+            Event::Interrupt => interrupt(program),
+            Event::Kill => program.kill().unwrap(),
+            Event::Unplugged => return Next::Ends,
+            Event::Off(channel) => bench.word(&format!("power {channel} off")),
+        }
+        Next::Goes
     })
 }
 
@@ -192,8 +172,7 @@ fn carry_out(case: Case) -> Option<String> {
         bench.word(&format!("power {channel} on"));
         thread::sleep(Duration::from_millis(1200));
     }
-    let bus = bench.bus.clone();
-    let again = said(&plumb(&words(case.verb, &bus)).output().unwrap());
+    let again = bench.say(&words(case.verb));
     let end = Seen::of(&bench, object);
     let is_done =
         |node: &Option<(String, String)>| matches!(node, Some((_, held)) if held.contains(shown));

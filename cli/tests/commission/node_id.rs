@@ -34,7 +34,7 @@ const fn store(number: usize) -> At {
 
 /// What new node-ids say that are interrupted there.
 fn at(bench: &Bench, words: &[&str], at: At) -> String {
-    interrupted(&bench.bus, words, at, || ()).err
+    interrupted(bench, words, at).err
 }
 
 /// Interrupts new node-ids there, and expects the old ones.
@@ -75,13 +75,8 @@ fn node_id_interrupted_on_fresh_nodes_left_one_with_a_node_id() {
 #[test]
 fn node_id_interrupted_on_a_dead_bus_did_not_say_what_is_stored() {
     let mut bench = Bench::quick(&[]);
-    let bus = bench.bus.clone();
     let words = ["node-id", "7", "--node", "1"];
-    let told = interrupted(&bus, &words, store(1), || {
-        bench.word("power all off");
-        sleep(Duration::from_millis(200));
-    });
-    let told = told.err;
+    let told = interrupted_on_a_dead_bus(&mut bench, &words, store(1));
     assert!(
         told.contains("may be stored") && told.contains("reset on: 7 for node 1;"),
         "{told}"

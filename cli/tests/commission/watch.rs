@@ -1,13 +1,11 @@
 //! A verb on the bus that is interrupted at one of its frames.
 
-use std::io::Write;
-use std::net::TcpStream;
-use std::process::{Command, Stdio};
-use std::thread;
+use std::thread::sleep;
 use std::time::Duration;
 
 use super::bench::*;
-use crate::program::relay::{Next, Relay};
+use crate::program::interrupt;
+use crate::program::relay::{self, Next};
 
 /// The identifier of the LSS master's requests.
 pub const LSS: u16 = 0x7E5;
@@ -34,40 +32,35 @@ impl At {
     }
 }
 
-/// Sends a request of the LSS master.
-pub fn request(bench: &Bench, bytes: &str) {
-    let mut stream = TcpStream::connect(&bench.bus).unwrap();
-    write!(
-        stream,
-        "< open plumb >< rawmode >< send {LSS:X} 8 {bytes} >"
-    )
-    .unwrap();
-    thread::sleep(Duration::from_millis(400));
+/// What a verb says that is interrupted at this frame, and what it has sent since.
+pub fn interrupted(bench: &Bench, words: &[&str], at: At) -> Interrupted {
+    interrupted_behind(&bench.bus, words, at, || ())
 }
 
-/// What a verb says that is interrupted at this frame, and how its frames begin behind that.
-pub fn interrupted(bus: &str, words: &[&str], at: At, mut before: impl FnMut()) -> Interrupted {
-    let relay = Relay::to(bus);
-    let mut program = plumb(&[words, &["--bus", &relay.address()]].concat());
-    let pipes = program.stdout(Stdio::piped()).stderr(Stdio::piped());
-    let program = pipes.spawn().unwrap();
-    let id = program.id().to_string();
+/// What a verb says that is interrupted at this frame when no node has its supply any more.
+pub fn interrupted_on_a_dead_bus(bench: &mut Bench, words: &[&str], at: At) -> String {
+    let bus = bench.bus.clone();
+    let dies = || {
+        bench.word("power all off");
+        sleep(Duration::from_millis(200));
+    };
+    interrupted_behind(&bus, words, at, dies).err
+}
+
+fn interrupted_behind(bus: &str, words: &[&str], at: At, mut first: impl FnMut()) -> Interrupted {
     let (mut found, mut behind) = (0, Vec::new());
-    let ended = thread::spawn(move || said(&program.wait_with_output().unwrap()));
-    relay.pass(|sent, data| {
+    let (status, _, err) = relay::run(bus, words, |program, id, data| {
         if found == at.number {
-            behind.push((sent, data.to_vec()));
-        } else if sent == at.id && data.starts_with(at.begin) {
+            behind.push((id, data.to_vec()));
+        } else if id == at.id && data.starts_with(at.begin) {
             found += 1;
             if found == at.number {
-                before();
-                let sent = Command::new("kill").args(["-INT", &id]).status().unwrap();
-                assert!(sent.success());
+                first();
+                interrupt(program);
             }
         }
         Next::Goes
     });
-    let (status, _, err) = ended.join().unwrap();
     assert_eq!(status, Some(2), "{err}");
     assert_eq!(err.lines().count(), 1, "{err}");
     Interrupted { err, behind }

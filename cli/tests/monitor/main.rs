@@ -118,13 +118,6 @@ impl Watched {
     }
 }
 
-#[cfg(unix)]
-fn interrupt(child: &Child) {
-    let pid = child.id().to_string();
-    let sent = Command::new("kill").args(["-INT", &pid]).status().unwrap();
-    assert!(sent.success());
-}
-
 #[test]
 fn a_bus_is_shown_in_lines_and_a_fault_by_its_name() {
     let mut bench = Bench::new();
@@ -206,7 +199,7 @@ fn a_recording_is_whole_after_an_interrupt_and_played_back_it_says_the_same() {
         seen.until("ok: both agree");
         seen.until("frames/s");
         seen.until("frames/s");
-        interrupt(&seen.child);
+        program::interrupt(&seen.child);
         let (status, err) = seen.end();
         assert_eq!((status, err.as_str()), (Some(0), ""));
         let text = fs::read_to_string(&file).unwrap();
@@ -267,7 +260,7 @@ fn an_interrupt_ends_it_while_the_bus_is_lost() {
     seen.until("frames/s");
     server.end();
     seen.until("FAULT: ");
-    interrupt(&seen.child);
+    program::interrupt(&seen.child);
     let (status, err) = seen.end();
     assert_eq!((status, err.as_str()), (Some(0), ""));
 }

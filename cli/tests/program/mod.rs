@@ -31,6 +31,14 @@ pub fn plumb(arguments: &[&str]) -> Command {
     command
 }
 
+/// Ctrl-C for a program.
+#[cfg(unix)]
+pub fn interrupt(program: &Child) {
+    let id = program.id().to_string();
+    let sent = Command::new("kill").args(["-INT", &id]).status().unwrap();
+    assert!(sent.success());
+}
+
 /// What a program that has ended has come to, without the spaces around its texts.
 pub fn said(output: &Output) -> Said {
     let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).trim().to_owned();

@@ -5,14 +5,13 @@
 //! comes first, the same command then brings both nodes to the new program, and in both calls
 //! together the time without a valid angle has the bound of an update that is not disturbed.
 
-use std::process::Stdio;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::Duration;
 
 use super::bench::{Bench, longest_without_an_angle};
-use super::program::relay::{Next, Relay};
-use super::program::{each_case, is_long, plumb, said};
+use super::program::relay::{self, Next};
+use super::program::{each_case, is_long, said};
 
 /// A frame of the update of one node, in the order in which they come.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -140,28 +139,18 @@ impl Watch {
 
 /// Runs the update through a relay up to its point, where it is killed; whether it got there.
 fn killed(bench: &Bench, image: &str, case: Case) -> bool {
-    let relay = Relay::to(&bench.bus);
-    let nodes = order(case);
-    let words = [
-        "update",
-        image,
-        "--bus",
-        &relay.address(),
-        "--nodes",
-        &nodes,
-    ];
-    let mut program = plumb(&words);
-    let quiet = program.stdout(Stdio::null()).stderr(Stdio::null());
-    let mut program = quiet.spawn().unwrap();
-    let mut watch = Watch::new(case);
-    relay.pass(|id, data| {
+    let (mut watch, mut reached) = (Watch::new(case), false);
+    let words = ["update", image, "--nodes", &order(case)];
+    relay::run(&bench.bus, &words, |program, id, data| {
         if !watch.is_reached(id, data) {
             return Next::Goes;
         }
         program.kill().unwrap();
         program.wait().unwrap();
+        reached = true;
         Next::Ends
-    })
+    });
+    reached
 }
 
 fn order(case: Case) -> String {
