@@ -200,6 +200,8 @@ impl Lss {
 
     /// Notes in `reached` that this of `parts` has come, which count in their order only; true when
     /// that was the last one.
+    // Once in the image.
+    #[cfg_attr(target_pointer_width = "32", inline(never))]
     fn in_order(reached: &mut u8, part: u8, fits: bool, parts: u8) -> bool {
         let goes_on = fits && (part == 0 || *reached == part);
         let next = if goes_on { part + 1 } else { 0 };

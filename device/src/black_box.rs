@@ -484,6 +484,8 @@ impl BlackBox {
     }
 
     /// The memory has that box now, or, if not `taken`, never will: then it stays here.
+    // Once in the image.
+    #[cfg_attr(target_pointer_width = "32", inline(never))]
     pub fn saved(&mut self, taken: bool) {
         if !core::mem::take(&mut self.saving) {
             return;

@@ -230,6 +230,8 @@ impl<P: Part, C: Composition> Channel<P, C> {
     }
 
     /// The part has raised data-ready at `captured`: reads the sample and runs the filter.
+    // Out of line: the image is smaller.
+    #[cfg_attr(target_pointer_width = "32", inline(never))]
     pub fn data_ready(&mut self, settings: &Settings<C>, captured: Instant) {
         match self.part.read() {
             Ok(Some(sample)) => {

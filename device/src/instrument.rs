@@ -86,7 +86,7 @@ impl Composition for Product {
     const UNCERTAINTY: bool = true;
 
     fn check() -> CrossCheck<Self> {
-        CrossCheck::ladder(ProductState::default())
+        CrossCheck::ladder(ProductState::fresh())
     }
 
     fn uncalibrated() -> Correction<Self> {
@@ -128,7 +128,7 @@ impl Composition for Dynamic {
     const UNCERTAINTY: bool = true;
 
     fn check() -> CrossCheck<Self> {
-        CrossCheck::ladder(ProductState::default())
+        CrossCheck::ladder(ProductState::fresh())
     }
 
     fn uncalibrated() -> Correction<Self> {

@@ -127,6 +127,8 @@ impl Mailboxes {
     }
 
     /// Posts the frame of the highest priority, or makes room for it; false when there is none.
+    // Out of line: the image is smaller.
+    #[cfg_attr(target_pointer_width = "32", inline(never))]
     fn fill_one<P: Part, M: Memory, I: Instrument>(
         &mut self,
         device: &mut Device<P, M, I>,

@@ -14,7 +14,7 @@
 
 use instant::Instant;
 use tilt::angle::{Angle, Axes};
-use tilt::chain::Measurement;
+use tilt::chain::{Invalid, Measurement};
 use tilt::observation::Observation;
 
 use crate::profile::{Resolution, Slope};
@@ -170,14 +170,20 @@ fn vagueness([own, peer]: [&Observation; 2]) -> Axes<u32> {
         let both = turned.accel.saturating_mul(2 * 4 * ANGLE_STEPS);
         return Axes { x: both, y: both };
     }
-    let of = |axis: &Result<Measurement, _>| match axis {
-        Ok(measured) => measured.unshared.0.saturating_mul(4),
-        Err(_) => 0,
-    };
     let (own, peer) = (&own.reading, &peer.reading);
     Axes {
-        x: of(&own.x).saturating_add(of(&peer.x)),
-        y: of(&own.y).saturating_add(of(&peer.y)),
+        x: unshared(&own.x).saturating_add(unshared(&peer.x)),
+        y: unshared(&own.y).saturating_add(unshared(&peer.y)),
+    }
+}
+
+/// What the channels do not share of an axis' uncertainty, four standard ones; 0 without an angle.
+// Once in the image.
+#[cfg_attr(target_pointer_width = "32", inline(never))]
+fn unshared(axis: &Result<Measurement, Invalid>) -> u32 {
+    match axis {
+        Ok(measured) => measured.unshared.0.saturating_mul(4),
+        Err(_) => 0,
     }
 }
 

@@ -181,6 +181,8 @@ impl Driver {
     }
 
     /// An instant that the device can be told: never before the one that it knows.
+    // Once in the image.
+    #[cfg_attr(target_pointer_width = "32", inline(never))]
     fn reach(&mut self, at: Instant) -> Instant {
         self.reached = self.reached.max(at);
         self.reached
@@ -271,6 +273,8 @@ impl<P: Part, M: Memory, C: Controller, I: Instrument> DriverCall<'_, P, M, C, I
         }
     }
 
+    // Out of line: the image is smaller.
+    #[cfg_attr(target_pointer_width = "32", inline(never))]
     fn received(&mut self, frame: &Frame, at: Instant) {
         let found = self.driver.search;
         if let Some(found) = found {

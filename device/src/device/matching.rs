@@ -306,6 +306,8 @@ impl<P: Part, M: Memory, I: Instrument> Device<P, M, I> {
     }
 
     /// Time since the code was started, ms.
+    // Once in the image.
+    #[cfg_attr(target_pointer_width = "32", inline(never))]
     pub(super) fn uptime_ms(&self, now: Instant) -> u32 {
         (now.micros_since(self.started).max(0) / 1000) as u32
     }

@@ -397,6 +397,8 @@ fn scaled(steps: u64) -> u64 {
 }
 
 /// An uncertainty in 0.001 deg, rounded up, since a smaller one would be a promise not made.
+// Once in the image.
+#[cfg_attr(target_pointer_width = "32", inline(never))]
 pub(super) fn thousandths(uncertainty: Uncertainty) -> u16 {
     let steps = u64::from(uncertainty.0);
     let up = (steps * 360_000 + u64::from(u32::MAX)) >> 32;

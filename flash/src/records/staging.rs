@@ -55,6 +55,8 @@ impl Staging {
         self.at + CHUNK_HEAD + written
     }
 
+    // Once in the image.
+    #[cfg_attr(target_pointer_width = "32", inline(never))]
     fn chunk(&self, last: bool) -> Chunk {
         Chunk {
             kind: self.kind,

@@ -158,6 +158,8 @@ const fn index(node: Member) -> usize {
 
 impl Findings {
     /// Takes in what one pair shows.
+    // Out of line: the image is smaller.
+    #[cfg_attr(target_pointer_width = "32", inline(never))]
     pub fn take(&mut self, evidence: &Evidence, latch: Latch) {
         let before_us = core::mem::replace(&mut self.before_us, evidence.elapsed_us);
         let credit_us = evidence.elapsed_us.min(before_us).min(MOST_CREDIT_US);

@@ -254,6 +254,8 @@ impl Movement {
     /// Takes in a pair `elapsed_us` after the one before; `differ` says that the pair differs.
     ///
     /// A channel is named only while the pair differs.
+    // Out of line: the image is smaller.
+    #[cfg_attr(target_pointer_width = "32", inline(never))]
     pub fn step(
         &self,
         state: &mut MovementState,

@@ -92,6 +92,13 @@ pub struct ProductState {
 }
 
 impl ProductState {
+    /// Nothing is remembered yet.
+    // Once in the image.
+    #[cfg_attr(target_pointer_width = "32", inline(never))]
+    pub fn fresh() -> Self {
+        Self::default()
+    }
+
     /// Own minus peer behind the longest low-pass, 2^-26 g per step, in the housing's axes.
     pub fn residual(&self) -> [i32; 3] {
         self.residual.difference()
@@ -268,6 +275,8 @@ impl ProductCheck {
 
     /// Both channels measure: how they compare, and whether it is their vectors that differ.
     /// Without `angles` one of them looks for its vertical, and what is behind both is compared.
+    // Out of line: the image is smaller.
+    #[cfg_attr(target_pointer_width = "32", inline(never))]
     fn compare(
         &self,
         state: &mut ProductState,

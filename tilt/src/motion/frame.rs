@@ -141,9 +141,9 @@ impl Turn {
     pub fn apply(&self, axis: [i32; 3]) -> [i32; 3] {
         let [x, y, z] = self.0;
         [
-            scalar(x, axis) as i32,
-            scalar(y, axis) as i32,
-            scalar(z, axis) as i32,
+            scalar_here(x, axis) as i32,
+            scalar_here(y, axis) as i32,
+            scalar_here(z, axis) as i32,
         ]
     }
 }
@@ -173,8 +173,15 @@ fn cross([ax, ay, az]: [i32; 3], [bx, by, bz]: [i32; 3]) -> [i32; 3] {
 }
 
 /// The scalar product with an axis, in the other vector's unit.
+// Once in the image.
+#[cfg_attr(target_pointer_width = "32", inline(never))]
+fn scalar(a: [i32; 3], b: [i32; 3]) -> i64 {
+    scalar_here(a, b)
+}
+
+/// [`scalar`], where a call would cost as much.
 #[inline(always)]
-fn scalar([ax, ay, az]: [i32; 3], [bx, by, bz]: [i32; 3]) -> i64 {
+fn scalar_here([ax, ay, az]: [i32; 3], [bx, by, bz]: [i32; 3]) -> i64 {
     let product = |a: i32, b: i32| i64::from(a) * i64::from(b);
     (product(ax, bx) + product(ay, by) + product(az, bz) + (1 << 29)) >> 30
 }
