@@ -34,11 +34,17 @@ fn calibrated() -> [Settings; 2] {
     bench.instrument.sides.map(|side| side.settings)
 }
 
-/// Gives node 1 the fault after 20 to 30 s, and runs until a channel is named.
+/// Gives node 1 the fault after `worked_s` to 10 s more, and runs until a channel is named.
 ///
 /// # Panics
 /// When the pair does not agree before the fault.
-fn told(settings: &[Settings; 2], scene: Scene, fault: SensorFault, seed: u64) -> Told {
+fn told_after(
+    worked_s: f64,
+    settings: &[Settings; 2],
+    scene: Scene,
+    fault: SensorFault,
+    seed: u64,
+) -> Told {
     let mut bench = Bench::new(Mode::Dynamic, &World::NOMINAL, 1, 0);
     for (side, settings) in bench.instrument.sides.iter_mut().zip(settings) {
         side.settings = settings.clone();
@@ -51,7 +57,7 @@ fn told(settings: &[Settings; 2], scene: Scene, fault: SensorFault, seed: u64) -
     };
     let mut machine = Excavator::new(&setup, &mut rng);
     let start_s = bench.instrument.time_s();
-    let from_tick = (rng.range(20.0, 30.0) / TICK_S) as u64;
+    let from_tick = (rng.range(worked_s, worked_s + 10.0) / TICK_S) as u64;
     let mut found = Told::default();
     for tick in 0..from_tick + (PATIENCE_S / TICK_S) as u64 {
         if tick == from_tick {
@@ -78,6 +84,10 @@ fn told(settings: &[Settings; 2], scene: Scene, fault: SensorFault, seed: u64) -
         }
     }
     found
+}
+
+fn told(settings: &[Settings; 2], scene: Scene, fault: SensorFault, seed: u64) -> Told {
+    told_after(20.0, settings, scene, fault, seed)
 }
 
 #[test]
@@ -110,8 +120,7 @@ fn a_gyroscope_that_is_wrong_is_told_at_once_and_named() {
                 Some(Member::Peer),
                 "{case}"
             );
-            let scale = matches!(fault, RateFault::Scale { .. });
-            assert!(scale || found.named.is_some(), "{case}");
+            assert!(found.named.is_some(), "{case}");
         }
     }
 }
@@ -154,18 +163,24 @@ fn five_per_cent_of_scale_are_not_told_while_nothing_turns() {
     assert_eq!(found.after_s, None);
 }
 
+/// The low-passes of 6 s that showed gravity in motion never showed 10 mg.
 #[test]
-fn a_step_of_an_accelerometer_is_told_while_it_digs_and_nobody_is_named_wrongly() {
+fn a_step_of_an_accelerometer_while_it_digs_named_no_channel() {
     let settings = calibrated();
-    for seed in 0..4 {
+    let mut named = 0;
+    for seed in 0..20 {
         let axis = seed as usize % 3;
         let fault = SensorFault::Bias { axis, mg: 10.0 };
-        let found = told(&settings, Scene::Digging, fault, seed);
+        // How far gravity scatters has to be known.
+        let found = told_after(40.0, &settings, Scene::Digging, fault, seed);
         assert!(found.after_s.is_some_and(|s| s <= 1.0), "{seed}: {found:?}");
         assert_ne!(
             found.named.map(|(_, who)| who),
             Some(Member::Peer),
             "{seed}: {found:?}"
         );
+        named += u32::from(found.named.is_some());
     }
+    // Eight of ten are promised; 1 000 runs are in docs/gyroscope-faults.md.
+    assert!(named >= 16, "{named} of 20");
 }

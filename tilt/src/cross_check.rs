@@ -263,7 +263,7 @@ impl CrossCheck {
     // Out of line: it is made in more than one place, and is large.
     #[inline(never)]
     pub fn product() -> Self {
-        Self::ladder(ProductState::default())
+        Self::ladder(ProductState::fresh())
     }
 }
 
@@ -278,7 +278,7 @@ impl<C: Composition> CrossCheck<C> {
     // Out of line: it is made in more than one place, and is large.
     #[inline(never)]
     pub fn by_ladder() -> Option<Self> {
-        C::Ladder::put(ProductState::default).map(Self::ladder)
+        C::Ladder::put(ProductState::fresh).map(Self::ladder)
     }
 
     /// The product's ladder with this memory.
@@ -286,7 +286,7 @@ impl<C: Composition> CrossCheck<C> {
         Self::Product(
             ProductCheck::PRODUCT,
             state,
-            C::RateLadder::put(RateState::default),
+            C::RateLadder::put(RateState::fresh),
         )
     }
 
@@ -319,7 +319,7 @@ impl<C: Composition> CrossCheck<C> {
         match self {
             Self::Paper(_, state) => *state.get_mut() = PaperState::default(),
             Self::Product(_, state, rates) => {
-                *state.get_mut() = ProductState::default();
+                *state.get_mut() = ProductState::fresh();
                 restart_rates::<C>(rates);
             }
         }

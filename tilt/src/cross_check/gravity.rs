@@ -4,45 +4,47 @@
 //! has turned, and which of the two kinds differ. Out: the channel whose sensor is the wrong one,
 //! once gravity shows it.
 //!
-//! Gravity stands still in space, and what a machine adds to it averages out, since its speed stays
-//! small. So the acceleration is low-passed in space: what was averaged is turned back by as much
-//! as the housing has turned. While the pair agrees, that average is the place of gravity. When
-//! the two gyroscopes differ, that place is kept and carried on by either of them: the acceleration
-//! leaves the one that the wrong gyroscope carries. When the two accelerations differ, the place is
-//! carried on by the gyroscopes, which agree, and the wrong acceleration leaves it. In both cases
-//! one of two vectors has moved from the place by their whole difference, and the other one has
-//! not; what the machine does moves both alike, so it only blurs which.
+//! Gravity stands still in space. What a machine adds to it from one instant without speed to the
+//! next averages out in space, at any distance from the pivot. A machine that does not turn has no
+//! speed. So the acceleration is averaged over windows between two instants without a rate, turned
+//! back by as much as the housing turns meanwhile: that average is the place of gravity. Where the
+//! machine pauses, a mean over the pause is blurred by what shakes it only, and is one too.
 //!
-//! How much it blurs is measured: the acceleration's usual distance from its average, of which two
-//! low-passes one after the other leave a share each. Where the machine pauses, a mean over the
-//! pause is blurred by what shakes it only, and shows at once what a turn has left.
+//! A place is carried on by the turn of the housing until the next one is known. While the pair
+//! agrees, the distance of the two shows how uncertain a place is, and which bias has carried it
+//! there. Once the two differ, each new place shows by how much the mean of both channels has
+//! moved, and by how much half of their difference has. A channel that is wrong moves both alike:
+//! the own one in the same direction, the peer's in opposite ones. The machine moves the mean
+//! alone. When the gyroscopes differ, the two vectors are one acceleration, carried by either.
 //!
 //! Left out: the rate about gravity itself, which moves nothing; a gyroscope wrong about that axis
-//! alone is named once the machine has tilted.
+//! alone is named once the machine has tilted. A machine that drives has speed where it does not
+//! turn: its windows scatter, and nobody is named by them.
 
 use super::Member;
-use super::residual::{share_q22, towards_zero};
 use crate::motion::frame::Turn as Rotation;
 use crate::root::{root, root_sum};
+use crate::saturate::saturate;
 
 /// Configuration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Gravity {
-    /// Time constant of each of the two low-passes, us.
-    pub tau_us: u32,
-    /// How far apart the two vectors have to be, 2^-26 g.
-    pub least: u32,
-    /// Standard uncertainty of gravity as a share of the usual distance from the average, in 1/64:
-    /// behind one low-pass and behind both.
-    pub blur: [u32; 2],
-    /// The same of a mean over a pause, as a share of the change from pair to pair, in 1/16.
+    /// An exchanged acceleration is so much older than the turn that comes with it, us.
+    pub older_us: u32,
+    /// Shortest and longest window, us.
+    pub window_us: [u32; 2],
+    /// Standard uncertainty of a mean over a pause, as a share of the change from pair to pair,
+    /// in 1/16.
     pub paused: u32,
-    /// At least so much, 2^-26 g.
+    /// Standard uncertainty of a place is at least this, 2^-26 g.
     pub floor: u32,
+    /// So many windows show their scatter; with fewer, a window is at least so uncertain, 2^-26 g.
+    pub scatter: (u8, u32),
     /// What a place that is carried on loses, 2^-26 g in a second.
     pub drift: u32,
-    /// How many standard uncertainties the two have to be apart.
-    pub coverage: u32,
+    /// How far mean and half of the difference have to move alike: the product of both in squares
+    /// of the standard uncertainty, 1/256; in a pause, and in all windows together.
+    pub alike: [i32; 2],
     /// A machine pauses where one gyroscope turns by less than this about each axis, 2^-30 rad/s.
     pub slow: u32,
     /// In a pause one gyroscope reads at most the first about each axis, and the one that is wrong
@@ -52,15 +54,14 @@ pub struct Gravity {
     pub moves: u32,
     /// A mean over a pause is over so much, us.
     pub pause_us: u32,
-    /// For how long the place has to have been averaged, us.
-    pub known_us: u32,
-    /// How long it is carried on, us: the bias of a gyroscope turns it away.
+    /// How long the place is carried on, us: the bias of a gyroscope turns it away.
     pub longest_us: u32,
-    /// For how long a channel has to be the wrong one, us.
-    pub confirm_us: u32,
     /// Two that have not differed for so long differ no more, us.
     pub alike_us: u32,
 }
+
+/// The largest bias that is corrected, 5 deg/s; 2^-32 rad/s.
+const LARGEST_BIAS: i32 = (5.0 * core::f64::consts::PI / 180.0 * 4_294_967_296.0) as i32;
 
 /// A thousandth of g in 2^-26 g.
 const MG: u32 = 67_109;
@@ -69,13 +70,13 @@ impl Gravity {
     /// For two ISM330DHCX on a machine that digs; the example `gyroscope_faults` of `sim` prints
     /// the evidence.
     pub const PRODUCT: Self = Self {
-        tau_us: 6_000_000,
-        least: 5 * MG,
-        blur: [16, 4],
+        older_us: 19_540,
+        window_us: [1_500_000, 15_000_000],
         paused: 5,
         floor: 3 * MG / 2,
-        drift: MG / 6,
-        coverage: 3,
+        scatter: (4, 9 * MG / 2),
+        drift: MG / 10,
+        alike: [384, 230],
         // 0.6 deg/s.
         slow: 11_244_000,
         // 0.15 and 0.3 deg/s.
@@ -83,9 +84,7 @@ impl Gravity {
         // 3 deg/s.
         moves: 56_220_000,
         pause_us: 190_000,
-        known_us: 10_000_000,
         longest_us: 60_000_000,
-        confirm_us: 250_000,
         alike_us: 2_000_000,
     };
 }
@@ -127,17 +126,16 @@ impl Pair {
 /// A vector that stands still in space, seen from the housing; 2^-26 g.
 #[derive(Clone, Copy, Debug, Default)]
 struct Followed {
-    now: [i32; 3],
     /// Sum over the pause under way, 2^-20 g.
     sum: [i32; 3],
-    near: [i32; 3],
-    far: [i32; 3],
-    /// Where gravity is: the best of what was averaged; carried on while the two differ.
+    /// Sum over the window under way, 2^-15 g times [`MOMENT_US`].
+    window: [i32; 3],
+    /// Where it was last, carried on since.
     place: [i32; 3],
 }
 
 /// What is remembered.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct GravityState {
     /// The mean, carried by the own gyroscope.
     mean: Followed,
@@ -145,12 +143,27 @@ pub struct GravityState {
     /// by the peer's.
     other: Followed,
     dispute: Option<Kind>,
-    /// For how long the place has been averaged, or carried on; us.
+    /// Both kinds have differed in it: neither can be held against gravity by the other one.
+    mixed: bool,
+    /// The window under way: its length, [`MOMENT_US`]; `None` where no instant without speed began
+    /// it.
+    window: Option<u32>,
+    /// By how much the housing turned from each of its moments until now, summed; 2^-14 rad times
+    /// [`MOMENT_US`].
+    turned_since: [i32; 3],
+    /// Windows whose distance from the place before is known, and their usual distance, 2^-26 g.
+    windows: u8,
+    scatter: u32,
+    /// What the windows of a dispute have shown so far.
+    shown: Shown,
+    /// The own gyroscope's bias beside its calibration, 2^-32 rad/s.
+    bias: Option<[i32; 3]>,
+    /// Time since the middle of what the place was averaged over, us.
     age_us: u32,
-    /// Usual distance of the mean from its average, 2^-26 g.
-    usual: u32,
-    /// Standard uncertainty of the place, 2^-26 g.
-    blur: u32,
+    /// Standard uncertainty of the place, 2^-26 g; `None` before there is one.
+    blur: Option<u32>,
+    /// The mean of the pair before, 2^-26 g.
+    before: [i32; 3],
     /// Of the pause under way: pairs, time in us, and the sum of what the mean has changed by from
     /// pair to pair, 2^-26 g.
     paused: u16,
@@ -162,33 +175,8 @@ pub struct GravityState {
     turned: [Turn; 2],
     /// The channel that read a rate in a pause before, and whether the machine has moved since.
     reads: Option<(Member, bool)>,
-    /// The channel that was the wrong one, and for how long; us.
-    suspect: Option<Member>,
-    suspect_us: u32,
     /// For how long the two have not differed, us.
     alike_us: u32,
-}
-
-impl Default for GravityState {
-    fn default() -> Self {
-        Self {
-            mean: Followed::default(),
-            other: Followed::default(),
-            dispute: None,
-            age_us: 0,
-            usual: 0,
-            blur: u32::MAX,
-            paused: 0,
-            paused_us: 0,
-            slow_us: 0,
-            change: 0,
-            turned: [[0; 3]; 2],
-            reads: None,
-            suspect: None,
-            suspect_us: 0,
-            alike_us: 0,
-        }
-    }
 }
 
 impl GravityState {
@@ -201,42 +189,172 @@ impl GravityState {
     pub fn restart(&mut self) {
         *self = Self::default();
     }
+
+    /// The own gyroscope's bias beside its calibration, 2^-32 rad/s: what the estimator has `found`
+    /// when all this began, corrected since by what the windows show.
+    pub(super) fn bias(&mut self, found: Option<[i32; 3]>) -> Option<[i32; 3]> {
+        self.bias = self.bias.or(found);
+        self.bias
+    }
+
+    /// The means over a pause.
+    fn of_pause(&self) -> [[i32; 3]; 2] {
+        [&self.mean.sum, &self.other.sum].map(|sum| mean(sum, self.paused.into(), FINER))
+    }
+
+    /// The means over a window of so many [`MOMENT_US`].
+    fn of_window(&self, length: u32) -> [[i32; 3]; 2] {
+        [&self.mean.window, &self.other.window].map(|sum| mean(sum, length, COARSER))
+    }
+
+    /// By how much mean and half of the difference have moved from the place.
+    fn moved(&self, kind: Kind, [mean, other]: [[i32; 3]; 2]) -> [[i32; 3]; 2] {
+        let mean = minus(&mean, &self.mean.place);
+        let other = minus(&other, &self.other.place);
+        match kind {
+            Kind::Accelerations => [mean, other],
+            Kind::Rates => halves(&mean, &other),
+        }
+    }
+
+    /// By so much the mean over a window is away from the place that was carried on: half of it
+    /// corrects the bias that has carried it.
+    // Out of line: the image is smaller.
+    #[cfg_attr(target_pointer_width = "32", inline(never))]
+    fn correct(&mut self, moved: &[i32; 3], length: u32) {
+        /// A shorter way shows no rate, us.
+        const SHORTEST_US: u64 = 500_000;
+        let carried_us = i64::from(self.age_us) - i64::from(half_us(length));
+        if carried_us.unsigned_abs() < SHORTEST_US {
+            return;
+        }
+        let Some(bias) = &mut self.bias else {
+            return;
+        };
+        let [px, py, pz] = self.mean.place;
+        let [mx, my, mz] = *moved;
+        // Of two vectors in 2^-26 g, so 2^-52 rad.
+        let turned = |[a, b, c, d]: [i32; 4]| {
+            let turned = i64::from(a) * i64::from(b) - i64::from(c) * i64::from(d);
+            let half = (turned >> 20) * 500_000;
+            saturate(half.checked_div(carried_us).unwrap_or(0))
+        };
+        let rate = [[py, mz, pz, my], [pz, mx, px, mz], [px, my, py, mx]].map(turned);
+        // The bias stands still in the housing: it has acted as the housing stood on average.
+        let back = mean(&self.turned_since, length, 16).map(i32::saturating_neg);
+        let rate = rotation(back).apply(rate);
+        for (bias, rate) in bias.iter_mut().zip(rate) {
+            let corrected = bias.saturating_add(rate);
+            *bias = corrected.clamp(-LARGEST_BIAS, LARGEST_BIAS);
+        }
+    }
+}
+
+/// Mean and half of the difference of two vectors.
+// Once in the image.
+#[cfg_attr(target_pointer_width = "32", inline(never))]
+pub(super) fn halves(own: &[i32; 3], peer: &[i32; 3]) -> [[i32; 3]; 2] {
+    let [mut mean, mut half] = [*own, *peer];
+    for (a, b) in mean.iter_mut().zip(&mut half) {
+        let (own, peer) = (*a >> 1, *b >> 1);
+        (*a, *b) = (own + peer, own - peer);
+    }
+    [mean, half]
+}
+
+/// The mean of so many, in a unit that is so many bits finer.
+// Once in the image.
+#[cfg_attr(target_pointer_width = "32", inline(never))]
+fn mean(sum: &[i32; 3], count: u32, bits: u32) -> [i32; 3] {
+    let mean = |sum: i32| sum.checked_div(count as i32).unwrap_or(0);
+    sum.map(|sum| mean(sum).saturating_mul(1 << bits))
+}
+
+/// Half of a time in [`MOMENT_US`], us.
+fn half_us(length: u32) -> u32 {
+    length.saturating_mul(MOMENT_US / 2)
+}
+
+/// How mean and half of the difference have moved: products of their movements, in squares of the
+/// standard uncertainty, 1/256.
+#[derive(Clone, Copy, Debug, Default)]
+struct Shown {
+    /// Of both.
+    alike: i32,
+    /// Of half of the difference with itself.
+    apart: i32,
+    /// Of the mean with itself, less one for each window: what it scatters anyway.
+    moved: i32,
+}
+
+impl Shown {
+    /// By what both have `moved`, where the place is uncertain by `blur`; 2^-26 g.
+    // Once in the image.
+    #[cfg_attr(target_pointer_width = "32", inline(never))]
+    fn of([mean, half]: &[[i32; 3]; 2], blur: u32) -> Self {
+        let square = (i64::from(blur) * i64::from(blur)) >> 8;
+        let product = |a, b| saturate(dot(a, b).checked_div(square).unwrap_or(0));
+        Self {
+            alike: product(mean, half),
+            apart: product(half, half),
+            moved: product(mean, mean),
+        }
+    }
+
+    /// Adds a window.
+    fn add(&mut self, window: Self) {
+        self.alike = self.alike.saturating_add(window.alike);
+        self.apart = self.apart.saturating_add(window.apart);
+        let beyond = window.moved.saturating_sub(256);
+        self.moved = self.moved.saturating_add(beyond);
+    }
+
+    /// The channel that has moved while the other one has not: the mean has moved by half of the
+    /// difference in either direction, to two thirds of it, and both alike by `least`.
+    fn names(&self, least: i32) -> Option<Member> {
+        let [alike, apart, moved] = [self.alike.abs(), self.apart, self.moved].map(i64::from);
+        let rest = moved - 2 * alike + apart;
+        if alike < i64::from(least) || 9 * rest > 4 * apart {
+            return None;
+        }
+        Some(match self.alike > 0 {
+            true => Member::Own,
+            false => Member::Peer,
+        })
+    }
 }
 
 impl Followed {
-    /// What stands in space turns back by what the housing turns.
-    fn turn_back(&mut self, by: &Rotation) {
-        for vector in [&mut self.near, &mut self.far, &mut self.place] {
+    /// Turns back by what the housing has turned, and takes in an acceleration, which is `older`
+    /// than the turn.
+    // Once in the image.
+    #[cfg_attr(target_pointer_width = "32", inline(never))]
+    fn follow(&mut self, turn: Turn, older: u32, value: Option<(&[i32; 3], u32, bool)>) {
+        let by = rotation(turn);
+        for vector in [&mut self.window, &mut self.place] {
             *vector = by.apply(*vector);
         }
-    }
-
-    fn follow(&mut self, value: &[i32; 3], share: u32) {
-        self.now = *value;
-        towards(&mut self.near, value, share);
-        let near = self.near;
-        towards(&mut self.far, &near, share);
-    }
-
-    /// A pair of a pause.
-    fn pause(&mut self, value: &[i32; 3]) {
-        for (sum, value) in self.sum.iter_mut().zip(value) {
-            *sum = sum.saturating_add(value >> FINER);
+        let Some((value, moments, pauses)) = value else {
+            return;
+        };
+        let ahead = turn.map(|axis| saturate((i64::from(axis) * i64::from(older)) >> 12));
+        let now = rotation(ahead).apply(*value);
+        let sums = self.window.iter_mut().zip(&mut self.sum);
+        for ((window, sum), (now, value)) in sums.zip(now.iter().zip(value)) {
+            let moments = (now >> COARSER).saturating_mul(moments as i32);
+            *window = window.saturating_add(moments);
+            if pauses {
+                *sum = sum.saturating_add(value >> FINER);
+            }
         }
     }
-
-    /// The mean over a pause of so many pairs, what is behind one low-pass, and behind both.
-    fn averages(&self, pairs: u16) -> [[i32; 3]; 3] {
-        let pairs = i32::from(pairs.max(1));
-        let mean = self.sum.map(|sum| (sum / pairs) << FINER);
-        [mean, self.near, self.far]
-    }
-
-    /// How far each of [`Followed::averages`] has left the place.
-    fn left(&self, pairs: u16) -> [[i32; 3]; 3] {
-        self.averages(pairs).map(|stage| minus(&stage, &self.place))
-    }
 }
+
+/// Unit of time of a window, us; a power of two.
+const MOMENT_US: u32 = 1 << 10;
+
+/// From 2^-26 g to the unit of a window's sum.
+const COARSER: u32 = 11;
 
 /// How much of a pause is left out, us.
 const SKIPPED_US: u32 = 80_000;
@@ -262,35 +380,32 @@ pub(super) fn fastest(turn: &[i32; 3]) -> u32 {
     axes.fold(0, u32::max)
 }
 
-fn towards(low: &mut [i32; 3], value: &[i32; 3], share: u32) {
-    for (low, value) in low.iter_mut().zip(value) {
-        let way = i64::from(*value) - i64::from(*low);
-        *low += towards_zero(way * i64::from(share), 22) as i32;
-    }
-}
-
 /// The rotation of a turn, of at most an eighth of a circle about each axis: pairs that are far
 /// apart, or a gyroscope that is wrong, may claim more, and a rotation of more has no room.
+// Once in the image.
+#[cfg_attr(target_pointer_width = "32", inline(never))]
 fn rotation(turn: Turn) -> Rotation {
     /// 2^30 pi / 4.
     const EIGHTH: i32 = (core::f64::consts::FRAC_PI_4 * 1_073_741_824.0) as i32;
     Rotation::of(turn.map(|axis| axis.clamp(-EIGHTH, EIGHTH)))
 }
 
-fn dot(a: &[i32; 3], b: &[i32; 3]) -> i64 {
+// Once in the image.
+#[cfg_attr(target_pointer_width = "32", inline(never))]
+pub(super) fn dot(a: &[i32; 3], b: &[i32; 3]) -> i64 {
     let products = a.iter().zip(b);
     products.fold(0, |sum: i64, (a, b)| {
         sum.saturating_add(i64::from(*a) * i64::from(*b))
     })
 }
 
-fn length(v: &[i32; 3]) -> u32 {
+fn length_of(v: &[i32; 3]) -> u32 {
     root(dot(v, v).unsigned_abs())
 }
 
 impl Gravity {
-    /// Takes in a pair; the channel that is the wrong one, while `differs` says that the two
-    /// differ in something.
+    /// Takes in a pair; the channel that is the wrong one, while the two differ in something:
+    /// `differs`. It is named at the end of a window or in a pause, and not again in between.
     #[cfg_attr(target_pointer_width = "32", inline(never))]
     pub fn step(
         &self,
@@ -299,63 +414,112 @@ impl Gravity {
         differs: Option<Kind>,
     ) -> Option<Member> {
         self.note(state, differs, pair.elapsed_us);
-        let [own, peer] = pair.turns;
-        let own = rotation(own);
-        state.mean.turn_back(&own);
-        let rates = state.dispute == Some(Kind::Rates);
-        state
-            .other
-            .turn_back(&if rates { rotation(peer) } else { own });
         state.age_us = state.age_us.saturating_add(pair.elapsed_us);
-        let [mean, half] = pair.accelerations.as_ref()?;
-        let averaged_us = match state.dispute {
-            None => state.age_us.min(self.tau_us),
-            Some(_) => self.tau_us,
-        };
-        let share = share_q22(pair.elapsed_us, averaged_us);
-        let other = if rates { mean } else { half };
-        if self.pauses(state, pair, mean) {
-            state.mean.pause(mean);
-            state.other.pause(other);
-        }
-        state.mean.follow(mean, share);
-        state.other.follow(other, share);
-        let distance = length(&minus(&state.mean.now, &state.mean.near));
-        let way = i64::from(distance) - i64::from(state.usual);
-        // What has shaken the average stays in it for longer than it takes to get there.
-        let share = if way < 0 { share / 4 } else { share };
-        let step = towards_zero(way * i64::from(share), 22) as i32;
-        state.usual = state.usual.saturating_add_signed(step);
         let drift = part(self.drift, pair.elapsed_us, 1_000_000);
-        state.blur = state.blur.saturating_add(drift);
+        state.blur = state.blur.map(|blur| blur.saturating_add(drift));
         self.note_movement(state, pair);
-        if state.dispute.is_none() {
-            self.find_place(state);
+        let moments = pair.elapsed_us / MOMENT_US;
+        let at_rest = self.follow(state, pair, moments)?;
+        let ended = state.window.filter(|_| at_rest);
+        let found = match state.dispute {
+            // What was found before is over where the two agree again.
+            Some(_) if state.mixed || state.alike_us > 0 => None,
+            Some(kind) => self.judge(state, kind, ended),
+            None => {
+                self.find_place(state, ended);
+                None
+            }
+        };
+        if at_rest {
+            (state.mean.window, state.other.window) = ([0; 3], [0; 3]);
+            (state.window, state.turned_since) = (Some(0), [0; 3]);
         }
-        self.judge(state, pair.elapsed_us)
+        found
     }
 
-    /// The best of what was averaged is the place: the mean of a pause, or what is behind both
-    /// low-passes, or what was the best and has been carried on since.
-    fn find_place(&self, state: &mut GravityState) {
-        let [of_mean, ..] = state.mean.averages(state.paused);
-        let [of_other, ..] = state.other.averages(state.paused);
-        let [pause, _, far] = self.blurs(state);
-        if state.paused_us >= self.pause_us && pause < state.blur {
-            (state.mean.place, state.other.place) = (of_mean, of_other);
-            state.blur = pause;
-        } else if far < state.blur {
-            (state.mean.place, state.other.place) = (state.mean.far, state.other.far);
-            state.blur = far;
+    /// Carries on what stands in space and adds a pair to it; whether a window ends or may begin.
+    /// `None` where an acceleration is missing, which breaks the window under way.
+    fn follow(&self, state: &mut GravityState, pair: &Pair, moments: u32) -> Option<bool> {
+        let rates = state.dispute == Some(Kind::Rates);
+        let [own, peer] = pair.turns;
+        let accelerations = pair.accelerations.as_ref();
+        let pauses = accelerations.is_some_and(|[mean, _]| self.pauses(state, pair, mean));
+        let older = (self.older_us << 12) / pair.elapsed_us.max(1);
+        let both = [
+            (&mut state.mean, own, 0),
+            (
+                &mut state.other,
+                if rates { peer } else { own },
+                usize::from(!rates),
+            ),
+        ];
+        for (followed, turn, which) in both {
+            let value = accelerations.and_then(|values| values.get(which));
+            followed.follow(turn, older, value.map(|value| (value, moments, pauses)));
         }
+        if accelerations.is_none() {
+            state.window = None;
+            return None;
+        }
+        Some(self.lengthen(state, &own, moments))
     }
 
-    /// Standard uncertainties of gravity: in the mean of a pause, behind one low-pass, behind
-    /// both; 2^-26 g.
-    fn blurs(&self, state: &GravityState) -> [u32; 3] {
-        let change = state.change / u32::from(state.paused.max(1));
-        let [near, far] = self.blur.map(|share| part(state.usual, share, 64));
-        [part(change, self.paused, 16), near, far].map(|blur| blur.max(self.floor))
+    /// Adds a pair to the length of the window under way; whether it ends or may begin: the machine
+    /// has no speed.
+    fn lengthen(&self, state: &mut GravityState, turn: &Turn, moments: u32) -> bool {
+        let [shortest, longest] = self.window_us.map(|us| us / MOMENT_US);
+        if let Some(length) = state.window {
+            for (sum, turn) in state.turned_since.iter_mut().zip(turn) {
+                let turned = (turn >> 16).saturating_mul(length as i32);
+                *sum = sum.saturating_add(turned);
+            }
+            state.window = Some(length + moments).filter(|length| *length <= longest);
+        }
+        let long_enough = state.window.is_none_or(|length| length >= shortest);
+        state.slow_us > 0 && long_enough
+    }
+
+    /// What was averaged over a pause is the place where it is better than the one that was carried
+    /// on, and what was averaged over a window that has `ended` always.
+    fn find_place(&self, state: &mut GravityState, ended: Option<u32>) {
+        if state.paused_us >= self.pause_us {
+            let blur = self.pause_blur(state);
+            if state.blur.is_none_or(|carried| blur < carried) {
+                let [mean, other] = state.of_pause();
+                (state.mean.place, state.other.place) = (mean, other);
+                (state.blur, state.age_us) = (Some(blur), state.paused_us / 2);
+            }
+        }
+        let Some(length) = ended else {
+            return;
+        };
+        let [mean, other] = state.of_window(length);
+        if state.blur.is_some() {
+            let moved = minus(&mean, &state.mean.place);
+            let distance = length_of(&across_halved(&moved, &state.mean.place));
+            let way = i64::from(distance) - i64::from(state.scatter);
+            let (several, _) = self.scatter;
+            let step = (way / i64::from(state.windows.max(1))) as i32;
+            state.windows = (state.windows + 1).min(several);
+            state.scatter = state.scatter.saturating_add_signed(step);
+            state.correct(&moved, length);
+        }
+        self.place(state, [mean, other], length);
+    }
+
+    /// The place is the average over a window.
+    // Once in the image.
+    #[cfg_attr(target_pointer_width = "32", inline(never))]
+    fn place(&self, state: &mut GravityState, [mean, other]: [[i32; 3]; 2], length: u32) {
+        (state.mean.place, state.other.place) = (mean, other);
+        let (several, unknown) = self.scatter;
+        let least = if state.windows < several {
+            unknown
+        } else {
+            self.floor
+        };
+        state.blur = Some(state.scatter.max(least));
+        state.age_us = half_us(length);
     }
 
     /// A dispute begins, or has ended.
@@ -371,23 +535,21 @@ impl Gravity {
             }
             (Some(before), Some(kind)) => {
                 state.alike_us = 0;
-                if before != kind {
-                    // Neither kind can be held against gravity by the other one.
-                    state.age_us = u32::MAX;
-                }
+                state.mixed |= before != kind;
             }
         }
     }
 
     /// Two begin to differ: gravity is where it has been so far.
     fn begin(&self, state: &mut GravityState, kind: Kind) {
-        // What has not been averaged for long enough is no place.
-        let known = state.age_us >= self.known_us;
         if kind == Kind::Rates {
             state.other = state.mean;
         }
         state.dispute = Some(kind);
-        state.age_us = if known { 0 } else { u32::MAX };
+        if state.windows == 0 {
+            // What was averaged once is no place.
+            state.age_us = u32::MAX;
+        }
     }
 
     /// Whether the machine pauses; ends the mean of a pause that is over or long enough.
@@ -395,6 +557,7 @@ impl Gravity {
     /// The first part of a pause is left out: accelerations come later than the turn of the same
     /// moment, and still have the end of the movement.
     fn pauses(&self, state: &mut GravityState, pair: &Pair, mean: &[i32; 3]) -> bool {
+        let before = core::mem::replace(&mut state.before, *mean);
         let most = part(self.slow, pair.elapsed_us, 1_000_000);
         let slow = !pair.shaken && pair.slower() <= most;
         if !slow || state.paused_us >= self.pause_us {
@@ -409,7 +572,7 @@ impl Gravity {
         if state.slow_us < SKIPPED_US {
             return false;
         }
-        let change = length(&minus(mean, &state.mean.now));
+        let change = length_of(&minus(mean, &before));
         state.paused = state.paused.saturating_add(1);
         state.paused_us = state.paused_us.saturating_add(pair.elapsed_us);
         state.change = state.change.saturating_add(change);
@@ -421,36 +584,38 @@ impl Gravity {
         true
     }
 
+    /// Standard uncertainty of gravity in the mean of a pause, 2^-26 g.
+    // Once in the image.
     #[cfg_attr(target_pointer_width = "32", inline(never))]
-    fn judge(&self, state: &mut GravityState, elapsed_us: u32) -> Option<Member> {
-        let kind = state.dispute?;
-        if state.age_us > self.longest_us {
-            return None;
-        }
-        let [mean, other] = [&state.mean, &state.other].map(|v| v.left(state.paused));
-        let mut stages = mean.into_iter().zip(other).zip(self.blurs(state));
-        let pause = stages.next().filter(|_| state.paused_us >= self.pause_us);
-        let of_place = state.blur;
-        let which = |((mean, other), blur)| {
-            let blur = root_sum(blur, of_place);
-            self.which(kind, [mean, other], blur)
-        };
-        if let Some(found) = pause.and_then(which) {
-            return Some(found);
-        }
-        if pause.is_some()
-            && kind == Kind::Rates
-            && let Some(found) = self.reads(state)
+    fn pause_blur(&self, state: &GravityState) -> u32 {
+        let change = state.change / u32::from(state.paused.max(1));
+        part(change, self.paused, 16).max(self.floor)
+    }
+
+    /// The channel that a pause or a window which has `ended` shows to be wrong. Each window is the
+    /// place for the next one, so that a bias counts for one window at a time.
+    #[cfg_attr(target_pointer_width = "32", inline(never))]
+    fn judge(&self, state: &mut GravityState, kind: Kind, ended: Option<u32>) -> Option<Member> {
+        let [in_pause, in_windows] = self.alike;
+        let carried = state.blur.filter(|_| state.age_us <= self.longest_us);
+        if state.paused_us >= self.pause_us
+            && let Some(blur) = carried
         {
-            return Some(found);
+            let blur = root_sum(self.pause_blur(state), blur);
+            let moved = state.moved(kind, state.of_pause());
+            let found = Shown::of(&moved, blur).names(in_pause);
+            let reads = || self.reads(state).filter(|_| kind == Kind::Rates);
+            if let Some(found) = found.or_else(reads) {
+                return Some(found);
+            }
         }
-        let suspect = stages.find_map(which);
-        if suspect.is_none() || suspect != state.suspect {
-            state.suspect_us = 0;
-        }
-        state.suspect = suspect;
-        state.suspect_us = state.suspect_us.saturating_add(elapsed_us);
-        suspect.filter(|_| state.suspect_us >= self.confirm_us)
+        let length = ended?;
+        let means = state.of_window(length);
+        let moved = state.moved(kind, means);
+        let moved = moved.map(|moved| across_halved(&moved, &state.mean.place));
+        self.place(state, means, length);
+        state.shown.add(Shown::of(&moved, carried?));
+        state.shown.names(in_windows)
     }
 
     /// The channel that has read a rate in two pauses with a movement between them, while the
@@ -488,29 +653,20 @@ impl Gravity {
             *moved |= pair.slower() > most;
         }
     }
+}
 
-    /// Which of two vectors has left the place and not the other one, where each is uncertain by
-    /// `blur`, 2^-26 g: one is within a quarter of what they are apart, the other one beyond
-    /// three.
-    fn which(&self, kind: Kind, [mut own, mut peer]: [[i32; 3]; 2], blur: u32) -> Option<Member> {
-        if kind == Kind::Accelerations {
-            // Mean and half of the difference.
-            for (own, peer) in own.iter_mut().zip(&mut peer) {
-                let half = *peer;
-                (*own, *peer) = (own.saturating_add(half), own.saturating_sub(half));
-            }
-        }
-        let apart = length(&minus(&own, &peer));
-        if apart < blur.saturating_mul(self.coverage).max(self.least) {
-            return None;
-        }
-        let (of_own, of_peer) = (length(&own), length(&peer));
-        let (near, far) = (apart / 4, apart / 4 * 3);
-        if of_own > far && of_peer < near {
-            return Some(Member::Own);
-        }
-        (of_peer > far && of_own < near).then_some(Member::Peer)
+/// A vector with the part across gravity halved: the bias of a gyroscope turns gravity, which moves
+/// it across itself and never along.
+// Once in the image.
+#[cfg_attr(target_pointer_width = "32", inline(never))]
+fn across_halved(vector: &[i32; 3], gravity: &[i32; 3]) -> [i32; 3] {
+    let along = saturate(dot(vector, gravity) >> 26);
+    let mut halved = *vector;
+    for (part, gravity) in halved.iter_mut().zip(gravity) {
+        let along = (i64::from(*gravity) * i64::from(along)) >> 26;
+        *part = saturate((i64::from(*part) + along) >> 1);
     }
+    halved
 }
 
 /// So many parts of a whole of `whole` parts, rounded down.
@@ -518,3 +674,6 @@ fn part(of: u32, parts: u32, whole: u32) -> u32 {
     let part = u64::from(of) * u64::from(parts) / u64::from(whole.max(1));
     u32::try_from(part).unwrap_or(u32::MAX)
 }
+
+#[cfg(test)]
+mod tests;

@@ -12,7 +12,7 @@
 
 use super::Member;
 use super::activity::{ActivityCheck, ActivityState};
-use super::gravity::{Gravity, GravityState, Kind, Pair, Turn, minus};
+use super::gravity::{Gravity, GravityState, Kind, Pair, Turn, halves, minus};
 use super::residual::{Residual, ResidualState, Stage, share_q22};
 use crate::observation::Observation;
 use crate::turned::Turned;
@@ -106,8 +106,6 @@ pub struct RateState {
     gravity: GravityState,
     /// Where both had turned to at the pair before.
     before: Option<[[i16; 3]; 2]>,
-    /// The own bias before the two differed, 2^-32 rad/s.
-    bias: Option<[i32; 3]>,
     /// Time since that pair, us.
     elapsed_us: u32,
     /// The fastest turn of late: it falls to that of now no faster than the low-passes do, 2^-26
@@ -116,6 +114,13 @@ pub struct RateState {
 }
 
 impl RateState {
+    /// Nothing is remembered yet.
+    // Once in the image.
+    #[cfg_attr(target_pointer_width = "32", inline(never))]
+    pub fn fresh() -> Self {
+        Self::default()
+    }
+
     /// A pair was lost on the way: what was heard at its instant stands alone.
     pub fn skip(&mut self) {
         self.activity.skip();
@@ -123,7 +128,7 @@ impl RateState {
 
     /// A channel was away, or began anew: everything does.
     pub fn restart(&mut self) {
-        *self = Self::default();
+        *self = Self::fresh();
     }
 
     /// Nobody knows how far either has turned since the pair before.
@@ -182,15 +187,13 @@ impl RateCheck {
         // What the estimator finds during a dispute may come from the fault, or from no more than
         // the moment since it began anew.
         let learns = !(found.differ || state.gravity.is_disputed());
-        if learns && a.bias.is_some() {
-            state.bias = a.bias;
-        }
+        let bias = state.gravity.bias(a.bias.filter(|_| learns));
         let differs = match (found.differ, differ) {
             (true, _) => Some(Kind::Rates),
             (_, true) => Some(Kind::Accelerations),
             _ => None,
         };
-        if let Some(bias) = state.bias {
+        if let Some(bias) = bias {
             let pair = Pair {
                 accelerations: accelerations(own, peer),
                 turns: turns(turned, bias, state.residual.baseline(), elapsed_us),
@@ -258,12 +261,7 @@ fn per_second(angle: &[i16; 3], elapsed_us: u32) -> [i64; 3] {
 
 /// Mean of both accelerations, and half of own minus peer.
 fn accelerations(own: &Observation, peer: &Observation) -> Option<[[i32; 3]; 2]> {
-    let [mut mean, mut half] = [own.vector?, peer.vector?].map(|vector| vector.accel);
-    for (a, b) in mean.iter_mut().zip(&mut half) {
-        let (own, peer) = (*a >> 1, *b >> 1);
-        (*a, *b) = (own + peer, own - peer);
-    }
-    Some([mean, half])
+    Some(halves(&own.vector?.accel, &peer.vector?.accel))
 }
 
 /// The most that is taken of a rate, 16 rad/s.

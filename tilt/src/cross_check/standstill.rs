@@ -19,6 +19,7 @@ use crate::saturate::saturate;
 use crate::vector::Corrected;
 
 use super::Member;
+use super::gravity::dot;
 
 /// Configuration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -109,10 +110,7 @@ impl Standstill {
 /// The part of `difference` that lies along the mean of a pair's vectors, which are about 1 g
 /// long, 2^-26 g. The peer, to whom the pair comes in the other order, comes to the same part.
 pub fn along(difference: [i32; 3], [own, peer]: [&Corrected; 2]) -> i32 {
-    let twice = own.accel.iter().zip(&peer.accel);
-    let twice = twice.map(|(own, peer)| i64::from(*own) + i64::from(*peer));
-    let products = difference.iter().zip(twice);
-    let products = products.map(|(d, twice)| i64::from(*d).saturating_mul(twice));
-    let part = products.fold(0, i64::saturating_add) / (1 << 27);
+    let twice = dot(&difference, &own.accel).saturating_add(dot(&difference, &peer.accel));
+    let part = twice / (1 << 27);
     saturate(part)
 }
