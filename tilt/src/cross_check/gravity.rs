@@ -19,7 +19,7 @@
 //!
 //! Left out: the rate about gravity itself, which moves nothing; a gyroscope wrong about that axis
 //! alone is named once the machine has tilted. A machine that drives has speed where it does not
-//! turn: its windows scatter, and nobody is named by them.
+//! turn: its windows scatter, so that they name the faulty channel seldom and the healthy one not.
 
 use super::Member;
 use crate::motion::frame::Turn as Rotation;
@@ -33,6 +33,8 @@ pub struct Gravity {
     pub older_us: u32,
     /// Shortest and longest window, us.
     pub window_us: [u32; 2],
+    /// Pairs farther apart make no window, us: they miss the instant without a rate.
+    pub apart_us: u32,
     /// Standard uncertainty of a mean over a pause, as a share of the change from pair to pair,
     /// in 1/16.
     pub paused: u32,
@@ -72,6 +74,7 @@ impl Gravity {
     pub const PRODUCT: Self = Self {
         older_us: 19_540,
         window_us: [1_500_000, 15_000_000],
+        apart_us: 60_000,
         paused: 5,
         floor: 3 * MG / 2,
         scatter: (4, 9 * MG / 2),
@@ -461,7 +464,9 @@ impl Gravity {
             state.window = None;
             return None;
         }
-        Some(self.lengthen(state, &own, moments))
+        let near = pair.elapsed_us <= self.apart_us;
+        state.window = state.window.filter(|_| near);
+        Some(near && self.lengthen(state, &own, moments))
     }
 
     /// Adds a pair to the length of the window under way; whether it ends or may begin: the machine

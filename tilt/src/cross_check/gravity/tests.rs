@@ -3,7 +3,6 @@
 use super::*;
 
 const SYNC_US: u32 = 20_000;
-const SYNC_S: f64 = 0.02;
 /// 1 g in 2^-26 g.
 const G: f64 = 67_108_864.0;
 /// Distance from the pivot along the housing's y, m over 9.81 m/s^2.
@@ -12,6 +11,8 @@ const LEVER: f64 = 1.0 / 9.81;
 /// Two channels on a boom that turns about x.
 struct Boom {
     state: GravityState,
+    /// Time from pair to pair, us.
+    sync_us: u32,
     at_s: f64,
     /// Of both gyroscopes about x, rad/s.
     bias: f64,
@@ -27,6 +28,7 @@ impl Boom {
     fn new() -> Self {
         Self {
             state: GravityState::default(),
+            sync_us: SYNC_US,
             at_s: 0.0,
             bias: 0.0,
             errors: [[0.0; 3]; 2],
@@ -75,13 +77,14 @@ impl Boom {
 
     fn pair(&mut self, differs: Option<Kind>) -> Option<Member> {
         let [before, ..] = Self::pose(self.at_s);
-        self.at_s += SYNC_S;
+        let sync_s = f64::from(self.sync_us) * 1e-6;
+        self.at_s += sync_s;
         let [now, ..] = Self::pose(self.at_s);
         let _ = self.state.bias(Some([0; 3]));
         let [found, ..] = self.state.bias.unwrap_or_default();
         let less = f64::from(found) / 4_294_967_296.0;
         let turns = self.scale.map(|scale| {
-            let turn = (now - before) * (1.0 + scale) + (self.bias - less) * SYNC_S;
+            let turn = (now - before) * (1.0 + scale) + (self.bias - less) * sync_s;
             [(turn * 1_073_741_824.0).round() as i32, 0, 0]
         });
         let [own, peer] = self.accelerations();
@@ -90,14 +93,15 @@ impl Boom {
             accelerations: Some(halves(&steps(own), &steps(peer))),
             turns,
             shaken: false,
-            elapsed_us: SYNC_US,
+            elapsed_us: self.sync_us,
         };
         Gravity::PRODUCT.step(&mut self.state, &pair, differs)
     }
 
     /// So many seconds; whoever is named.
     fn run(&mut self, seconds: u32, differs: Option<Kind>) -> Option<Member> {
-        let pairs = (0..seconds * 50).map(|_| self.pair(differs));
+        let pairs = seconds * 1_000_000 / self.sync_us;
+        let pairs = (0..pairs).map(|_| self.pair(differs));
         pairs.fold(None, Option::or)
     }
 }
@@ -115,6 +119,33 @@ fn a_step_of_10_mg_without_a_pause_names_its_channel_on_any_axis() {
             let named = boom.run(30, Some(Kind::Accelerations));
             assert_eq!(named, Some(member), "axis {axis}, {mg} mg");
         }
+    }
+}
+
+/// Pairs that are 100 ms apart miss the instant without a rate, and named the healthy channel.
+#[test]
+fn at_no_period_of_sync_is_the_healthy_channel_named() {
+    for sync_us in [
+        4_000, 10_000, 12_500, 20_000, 33_000, 50_000, 60_000, 80_000, 100_000, 200_000, 250_000,
+    ] {
+        let mut right = 0;
+        for (node, member) in MEMBERS {
+            for (case, start_s) in (0..24_u32).map(|case| (case, f64::from(case) * 0.39)) {
+                let mut boom = Boom::new();
+                (boom.sync_us, boom.at_s) = (sync_us, start_s);
+                assert_eq!(boom.run(31, None), None);
+                boom.errors[node][case as usize % 3] = if case % 2 == 0 { 0.010 } else { -0.010 };
+                let _ = boom.run(1, None);
+                let named = boom.run(40, Some(Kind::Accelerations));
+                assert!(
+                    named.is_none_or(|who| who == member),
+                    "{sync_us} us, {case}"
+                );
+                right += u32::from(named.is_some());
+            }
+        }
+        let expected = if sync_us <= 60_000 { 20 } else { 0 };
+        assert!(right >= expected, "{sync_us} us: {right} of 48");
     }
 }
 
