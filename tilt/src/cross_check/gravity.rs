@@ -22,7 +22,7 @@
 //! turn: its windows scatter, so that they name the faulty channel seldom and the healthy one not.
 
 use super::Member;
-use crate::motion::frame::Turn as Rotation;
+use crate::motion::frame::{Turn as Rotation, cross};
 use crate::root::{root, root_sum};
 use crate::saturate::saturate;
 
@@ -47,6 +47,9 @@ pub struct Gravity {
     /// How far mean and half of the difference have to move alike: the product of both in squares
     /// of the standard uncertainty, 1/256; in a pause, and in all windows together.
     pub alike: [i32; 2],
+    /// The same while the gyroscopes differ: what their error turns a place by grows with time, so
+    /// it waits for more.
+    pub alike_turned: [i32; 2],
     /// A machine pauses where one gyroscope turns by less than this about each axis, 2^-30 rad/s.
     pub slow: u32,
     /// In a pause one gyroscope reads at most the first about each axis, and the one that is wrong
@@ -80,6 +83,7 @@ impl Gravity {
         scatter: (4, 9 * MG / 2),
         drift: MG / 10,
         alike: [384, 230],
+        alike_turned: [1024, 640],
         // 0.6 deg/s.
         slow: 11_244_000,
         // 0.15 and 0.3 deg/s.
@@ -157,8 +161,10 @@ pub struct GravityState {
     /// Windows whose distance from the place before is known, and their usual distance, 2^-26 g.
     windows: u8,
     scatter: u32,
-    /// What the windows of a dispute have shown so far.
+    /// What the windows of a dispute have shown so far, and whether the machine has moved in one of
+    /// them or in the one before.
     shown: Shown,
+    has_moved: bool,
     /// The own gyroscope's bias beside its calibration, 2^-32 rad/s.
     bias: Option<[i32; 3]>,
     /// Time since the middle of what the place was averaged over, us.
@@ -210,6 +216,11 @@ impl GravityState {
         [&self.mean.window, &self.other.window].map(|sum| mean(sum, length, COARSER))
     }
 
+    /// The machine has not moved in a window of so many [`MOMENT_US`] that ends now.
+    fn stood(&self, length: u32) -> bool {
+        self.slow_us >= length.saturating_mul(MOMENT_US)
+    }
+
     /// By how much mean and half of the difference have moved from the place.
     fn moved(&self, kind: Kind, [mean, other]: [[i32; 3]; 2]) -> [[i32; 3]; 2] {
         let mean = minus(&mean, &self.mean.place);
@@ -225,24 +236,23 @@ impl GravityState {
     // Out of line: the image is smaller.
     #[cfg_attr(target_pointer_width = "32", inline(never))]
     fn correct(&mut self, moved: &[i32; 3], length: u32) {
-        /// A shorter way shows no rate, us.
-        const SHORTEST_US: u64 = 500_000;
+        /// Across a shorter way a place is too uncertain to show the whole rate, or any; us.
+        const LONG_US: i64 = 2_000_000;
+        const SHORTEST_US: i64 = 500_000;
         let carried_us = i64::from(self.age_us) - i64::from(half_us(length));
-        if carried_us.unsigned_abs() < SHORTEST_US {
+        let way_us = carried_us.saturating_abs();
+        if way_us < SHORTEST_US {
             return;
         }
         let Some(bias) = &mut self.bias else {
             return;
         };
-        let [px, py, pz] = self.mean.place;
-        let [mx, my, mz] = *moved;
-        // Of two vectors in 2^-26 g, so 2^-52 rad.
-        let turned = |[a, b, c, d]: [i32; 4]| {
-            let turned = i64::from(a) * i64::from(b) - i64::from(c) * i64::from(d);
-            let half = (turned >> 20) * 500_000;
-            saturate(half.checked_div(carried_us).unwrap_or(0))
-        };
-        let rate = [[py, mz, pz, my], [pz, mx, px, mz], [px, my, py, mx]].map(turned);
+        // 2^-22 rad, and half of it in a second in 2^-32 rad/s.
+        let half = 512_000_000 * carried_us.signum();
+        let rate = cross(self.mean.place, *moved).map(|turned| {
+            let rate = (i64::from(turned) * half).checked_div(way_us.max(LONG_US));
+            saturate(rate.unwrap_or(0))
+        });
         // The bias stands still in the housing: it has acted as the housing stood on average.
         let back = mean(&self.turned_since, length, 16).map(i32::saturating_neg);
         let rate = rotation(back).apply(rate);
@@ -525,6 +535,8 @@ impl Gravity {
         };
         state.blur = Some(state.scatter.max(least));
         state.age_us = half_us(length);
+        state.has_moved &= state.dispute.is_some();
+        state.has_moved |= !state.stood(length);
     }
 
     /// A dispute begins, or has ended.
@@ -601,7 +613,10 @@ impl Gravity {
     /// place for the next one, so that a bias counts for one window at a time.
     #[cfg_attr(target_pointer_width = "32", inline(never))]
     fn judge(&self, state: &mut GravityState, kind: Kind, ended: Option<u32>) -> Option<Member> {
-        let [in_pause, in_windows] = self.alike;
+        let [in_pause, in_windows] = match kind {
+            Kind::Accelerations => self.alike,
+            Kind::Rates => self.alike_turned,
+        };
         let carried = state.blur.filter(|_| state.age_us <= self.longest_us);
         if state.paused_us >= self.pause_us
             && let Some(blur) = carried
@@ -619,7 +634,13 @@ impl Gravity {
         let moved = state.moved(kind, means);
         let moved = moved.map(|moved| across_halved(&moved, &state.mean.place));
         self.place(state, means, length);
-        state.shown.add(Shown::of(&moved, carried?));
+        let shown = Shown::of(&moved, carried?);
+        if kind == Kind::Rates && state.stood(length) && state.has_moved {
+            // The bias was found where the machine stood otherwise. What is left of it turns the
+            // place alike in each window of this standstill, so they are not added up.
+            return None;
+        }
+        state.shown.add(shown);
         state.shown.names(in_windows)
     }
 

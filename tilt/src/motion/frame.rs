@@ -159,8 +159,8 @@ fn share(vector: [i32; 3], part: i32) -> [i64; 3] {
     vector.map(|v| product(v, part, 30))
 }
 
-/// The vector product of two axes.
-fn cross([ax, ay, az]: [i32; 3], [bx, by, bz]: [i32; 3]) -> [i32; 3] {
+/// The vector product of two axes, or of two vectors, in 2^-30 of the product of their units.
+pub(crate) fn cross([ax, ay, az]: [i32; 3], [bx, by, bz]: [i32; 3]) -> [i32; 3] {
     let part = |a: i32, b: i32, c: i32, d: i32| {
         let difference = i64::from(a) * i64::from(b) - i64::from(c) * i64::from(d);
         ((difference + (1 << 29)) >> 30) as i32

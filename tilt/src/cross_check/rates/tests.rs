@@ -19,6 +19,12 @@ struct Housing {
     state: RateState,
     turned: [TurnedState; 2],
     pitch: f64,
+    /// At the pair before, rad/s.
+    rate: f64,
+    /// The acceleration of the pair before, g: it comes a pair later than the turn.
+    felt: [f64; 3],
+    /// Distance from the pivot along y, m.
+    lever_m: f64,
     /// See [`Turned::scale_share`].
     scale_share: u16,
 }
@@ -30,13 +36,16 @@ impl Housing {
             state: RateState::default(),
             turned: Default::default(),
             pitch: 0.0,
+            rate: 0.0,
+            felt: [0.0, 0.0, 1.0],
+            lever_m: 0.0,
             scale_share: 0,
         }
     }
 
-    /// One pair while it turns by so many deg/s; either gyroscope reads so much more, deg/s about
-    /// each axis, and either accelerometer, mg along y.
-    fn pair(&mut self, dps: f64, errors: [[f64; 3]; 2], mg: [f64; 2]) -> Found {
+    /// What both channels observe while it turns by so many deg/s; either gyroscope reads so much
+    /// more, deg/s about each axis, and either accelerometer, mg.
+    fn observe(&mut self, dps: f64, errors: [[f64; 3]; 2], mg: [[f64; 3]; 2]) -> [Observation; 2] {
         for _ in 0..8 {
             for (turned, error) in self.turned.iter_mut().zip(errors) {
                 let read = [dps + error[0], error[1], error[2]];
@@ -44,11 +53,10 @@ impl Housing {
                 turned.turn(Rate { rate }, per_period_q32(SAMPLE_S), 1);
             }
         }
-        self.pitch += dps.to_radians() * f64::from(SYNC_US) * 1e-6;
-        let (sin, cos) = self.pitch.sin_cos();
-        let observed = [0, 1].map(|node| {
-            let g = f64::from(ONE_G);
-            let up = [0.0, sin * g + mg[node] * 1e-3 * g, cos * g];
+        let now = self.feels(dps);
+        let felt = core::mem::replace(&mut self.felt, now);
+        [0, 1].map(|node| {
+            let accel = [0, 1, 2].map(|axis| felt[axis] + mg[node][axis] * 1e-3);
             let turned = self.turned[node].take(0, 0).map(|turned| Turned {
                 bias: Some([0; 3]),
                 activity: Activity::OWN,
@@ -57,13 +65,32 @@ impl Housing {
             });
             Observation {
                 vector: Some(crate::vector::Corrected {
-                    accel: up.map(|a| a.round() as i32),
+                    accel: accel.map(|a| (a * f64::from(ONE_G)).round() as i32),
                 }),
                 turned,
                 ..Observation::absent(Invalid::NoSample)
             }
-        });
-        let [own, peer] = &observed;
+        })
+    }
+
+    /// Turns by so many deg/s until the next pair; the acceleration half-way, g.
+    fn feels(&mut self, dps: f64) -> [f64; 3] {
+        let rate = dps.to_radians();
+        let half = rate * f64::from(SYNC_US) * 0.5e-6;
+        let (sin, cos) = (self.pitch + half).sin_cos();
+        self.pitch += 2.0 * half;
+        let change =
+            (rate - core::mem::replace(&mut self.rate, rate)) / (f64::from(SYNC_US) * 1e-6);
+        [
+            0.0,
+            sin - self.lever_m * rate * rate / 9.81,
+            cos + self.lever_m * change / 9.81,
+        ]
+    }
+
+    /// One pair, judged; either accelerometer reads so much more along y, mg.
+    fn pair(&mut self, dps: f64, errors: [[f64; 3]; 2], mg: [f64; 2]) -> Found {
+        let [own, peer] = &self.observe(dps, errors, mg.map(|mg| [0.0, mg, 0.0]));
         let apart = (mg[0] - mg[1]).abs() > 3.0;
         (self.check).step(&mut self.state, [own, peer], (apart, false), SYNC_US)
     }
@@ -300,3 +327,4 @@ fn a_scale_over_temperature_that_is_calibrated_leaves_little_room() {
         assert!(differ_in_spins(percent + 0.35, share), "{away_c}");
     }
 }
+mod events;
