@@ -37,7 +37,7 @@ CIRCLE = 1 << 24
 
 
 def lines() -> Iterator[str]:
-    """A healthy pair that moves, for ever; what 2024h says fits the angles."""
+    """A healthy pair that moves, for ever; what 2024h holds fits the angles."""
     differences = [0, 0]
     for number in itertools.count():
         us = number * 10_000

@@ -1,6 +1,6 @@
 """What every test file may ask for: `joined` and `master` (a file brings its own `plumb`).
 
-Tests marked `virtual` need what only the host's build of a node has, as each says; they are left
+Tests marked `virtual` need what only the host's build of a node has, as each states; they are left
 out where `PLUMB` is the program that runs the exact image on emulated boards. Tests marked
 `product` need what the paper's instrument has not; they are left out where `PLUMB_MODE` is paper.
 Tests marked `accelerometer` need angles of an accelerometer alone; they are left out where it is

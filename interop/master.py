@@ -26,7 +26,7 @@ PLUMB = os.environ.get("PLUMB", str(ROOT / "target" / "debug" / "plumb"))
 # The program that runs the exact image on emulated boards.
 EMULATED = pathlib.Path(PLUMB).stem == "emulate"
 
-# The instrument that `plumb serve` builds where a test does not say: the product, or the paper's.
+# The instrument that `plumb serve` builds where a test sets none: the product, or the paper's.
 MODE = os.environ.get("PLUMB_MODE", "product")
 
 # The data sheets of what is served: the virtual instrument has the objects of both.

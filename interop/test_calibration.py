@@ -234,7 +234,7 @@ HASH, NO_DATA = bytes(range(32)), 0x0800_0024
 
 
 def report_hash(master: Master) -> bytes | int:
-    """What 2063h says, or its abort code."""
+    """What 2063h holds, or its abort code."""
     try:
         return master.nodes[1].sdo.upload(0x2063, 0)
     except canopen.SdoAbortedError as abort:

@@ -136,7 +136,7 @@ def test_everything_readable_is_read_with_the_length_of_its_type(
             assert data, f"{at[0]:X}h sub {at[1]}"
 
 
-def test_what_is_empty_or_write_only_says_so(
+def test_what_is_empty_or_write_only_is_aborted_with_its_code(
     fresh: Master, node: int, sheet: dict[tuple[int, int], ODVariable]
 ) -> None:
     for at, variable in sheet.items():
@@ -263,7 +263,7 @@ def test_the_configuration_files_name_node_and_bit_rate(node: int) -> None:
 
 @pytest.mark.sheets("no safety, and no presets")
 def test_safety_keys_are_in_the_sheet(node: int) -> None:
-    """python-canopen doesn't know them; a safety tool does (EN 50325-5)."""
+    """python-canopen doesn't read them; a safety tool does (EN 50325-5)."""
     text = pathlib.Path(ROOT / "eds" / f"{OWN_SHEETS}-{CHANNELS[node]}.eds").read_text()
     assert re.search("^CANopenSafetySupported=1$", text, re.M)
     slope = text.partition("[6210]")[2].partition("[")[0]

@@ -145,7 +145,7 @@ def test_emcy_waits_while_the_node_is_stopped(plumb: Plumb, master: Master) -> N
 
 
 @pytest.mark.parametrize(("behaviour", "state"), [(0, 127), (1, 5), (2, 4)])
-def test_1029h_says_what_an_error_of_the_instrument_does(
+def test_1029h_sets_what_an_error_of_the_instrument_does(
     plumb: Plumb, master: Master, behaviour: int, state: int
 ) -> None:
     master.write(2, 0x1029, 2, behaviour)

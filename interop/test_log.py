@@ -18,7 +18,7 @@ NOBODY, OWN, PEER = 0, 1, 2
 # Before a brown-out is seen in the part's set-up its samples stop.
 STOPPED, SET_UP_LOST = 3, 7
 SUPPLY, DISAGREE_CODE, OWN_CODE, OTHER_CODE, RANGE_Y = 0x3200, 0xFF13, 0xFF14, 0xFF15, 0x5020
-AGREE, DISAGREE, OWN_ILL, OTHER_ILL = 1, 6, 7, 8
+AGREE, DISAGREE, OWN_FAULTY, OTHER_FAULTY = 1, 6, 7, 8
 BEFORE, AFTER = 32, 16
 PERIOD_US = 20_000
 SPEED = 4
@@ -91,7 +91,7 @@ def upload(master: Master, node: int, index: int, sub: int) -> bytes:
 
 
 def is_empty(master: Master, node: int, number: int) -> bool:
-    """Whether a box says that there is nothing in it."""
+    """Whether a box reports that there is nothing in it."""
     try:
         master.nodes[node].sdo.upload(0x2071, number)
     except canopen.SdoAbortedError as abort:
@@ -170,7 +170,7 @@ def test_a_fresh_instrument_has_nothing_to_tell(pair: Master) -> None:
 
 def test_the_log_tells_what_emcy_told(plumb: Plumb, pair: Master) -> None:
     mark = break_b(plumb, pair)
-    for node, blamed, state in ((1, PEER, OTHER_ILL), (2, OWN, OWN_ILL)):
+    for node, blamed, state in ((1, PEER, OTHER_FAULTY), (2, OWN, OWN_FAULTY)):
         log = read_log(pair, node)
         events = [(e.code, e.faults, e.state, e.blamed, e.reason) for e in reversed(log)]
         assert events == told(pair, mark, node)
@@ -236,8 +236,8 @@ def test_the_box_shows_the_fault_at_its_event(plumb: Plumb, pair: Master) -> Non
     break_b(plumb, pair)
     box = read_box(pair, 1, 1)
     assert all(f[2:] == (AGREE, NOBODY, 0) for f in box.before[:-2])
-    assert box.before[-1][2:4] == (OTHER_ILL, PEER), "the SYNC that showed it"
-    assert all(f[2:4] == (OTHER_ILL, PEER) for f in box.after)
+    assert box.before[-1][2:4] == (OTHER_FAULTY, PEER), "the SYNC that showed it"
+    assert all(f[2:4] == (OTHER_FAULTY, PEER) for f in box.after)
     assert box.after[-1].reason == SET_UP_LOST
     assert all(q >= 32 for f in box.before + box.after for q in f.own[0][6:]), "A measured on"
     assert all(q in (STOPPED, SET_UP_LOST) for f in box.after for q in f.peer[0][6:])
@@ -255,7 +255,7 @@ def test_the_box_shows_the_fault_at_its_event(plumb: Plumb, pair: Master) -> Non
         "delay 200",
     ],
 )
-def test_the_box_of_the_ill_channel_had_a_frame_twice_and_a_short_period(
+def test_the_box_of_the_faulty_channel_had_a_frame_twice_and_a_short_period(
     plumb: Plumb, pair: Master, trouble: str
 ) -> None:
     mark = pair.mark()
@@ -289,11 +289,11 @@ def test_the_first_event_stays_and_the_latest_is_in_box_2(plumb: Plumb, pair: Ma
         agreed(pair)
         break_b(plumb, pair, trouble)
         # A step is a disagreement first; B is blamed for it some 1.5 s later.
-        until(lambda: read_log(pair, 1)[0].state == OTHER_ILL, f"B blamed for {trouble}", 10)
+        until(lambda: read_log(pair, 1)[0].state == OTHER_FAULTY, f"B blamed for {trouble}", 10)
         wait_for_syncs(pair, AFTER + 4)
         assert upload(pair, 1, 0x2071, 1) == first
         latest = read_box(pair, 1, 2)
-        assert latest.event.state == OTHER_ILL and latest.event.box == 2
+        assert latest.event.state == OTHER_FAULTY and latest.event.box == 2
         # An entry that tells the end of a fault has no box.
         newest = next(event for event in read_log(pair, 1) if event.code)
         assert latest.event[:8] == newest[:8]

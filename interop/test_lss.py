@@ -74,7 +74,7 @@ def request(master: Master, *data: int, answers: int = 1) -> list[bytes]:
     return [bytes(frame.data) for frame in master.since(mark, ANSWER)]
 
 
-def test_two_nodes_without_node_ids_are_silent_and_say_so_when_asked(bare: Plumb) -> None:
+def test_two_nodes_without_node_ids_are_silent_and_report_it_when_asked(bare: Plumb) -> None:
     with Master(bare, nodes=()) as master:
         master.send(0x601, bytes.fromhex("4018100100000000"))
         # Both answer with the same frame, which is one where they come at the same time.

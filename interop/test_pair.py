@@ -23,7 +23,7 @@ from master import (
     until,
 )
 
-WAITING, AGREE, DISAGREE, OWN_ILL, OTHER_ILL, NONE_MEASURES = 0, 1, 6, 7, 8, 9
+WAITING, AGREE, DISAGREE, OWN_FAULTY, OTHER_FAULTY, NONE_MEASURES = 0, 1, 6, 7, 8, 9
 NOISE, SPIKES, BIASED, SILENT, REFUSED, UNCONFIRMED = 10, 11, 13, 15, 17, 18
 DISAGREE_CODE, BIASED_CODE = 0xFF13, 0xFF08
 OWN_CODE, OTHER_CODE, NONE_CODE = 0xFF14, 0xFF15, 0xFF16
@@ -233,10 +233,10 @@ def test_what_a_channel_shows_of_itself_is_named(
     plumb.type(f"fault b {fault}")
     assert int.from_bytes(emcy(pair, mark, 2, code)[3:6], "little") & 1 << bit
     emcy(pair, mark, 2, OWN_CODE)
-    assert emcy(pair, mark, 1, OTHER_CODE)[6:] == bytes([2 << 6 | why, OTHER_ILL])
+    assert emcy(pair, mark, 1, OTHER_CODE)[6:] == bytes([2 << 6 | why, OTHER_FAULTY])
     assert [verdict(pair, node) for node in (1, 2)] == [[2, why], [1, why]]
     assert slopes(newest(pair, 2)) == [INVALID16] * 2 and without_angle(pair, 2, why)
-    assert newest(pair, 1)[4:] == bytes([0xC3, OTHER_ILL])
+    assert newest(pair, 1)[4:] == bytes([0xC3, OTHER_FAULTY])
 
 
 def test_spikes_of_one_channel_are_its_own(plumb: Plumb, pair: Master) -> None:
@@ -251,7 +251,7 @@ def test_spikes_of_one_channel_are_its_own(plumb: Plumb, pair: Master) -> None:
 
 def faulty(master: Master) -> None:
     """B is faulty: B and A both report it, and A goes on measuring."""
-    assert [master.read(node, 0x2021) for node in (2, 1)] == [OWN_ILL, OTHER_ILL]
+    assert [master.read(node, 0x2021) for node in (2, 1)] == [OWN_FAULTY, OTHER_FAULTY]
     assert master.read(2, 0x2020) & 0x83 == 0x80, "no angle, and a latched fault"
     assert master.read(1, 0x2020) & 0x0F == 0x03, "its own angles alone"
     assert [master.read(node, 0x1001) & 0x81 for node in (1, 2)] == [0x81, 0x81]
@@ -284,12 +284,12 @@ def test_an_invalid_angle_is_never_sent_as_a_plausible_number(plumb: Plumb, pair
     assert pair.read(1, 0x6820) == INVALID16
 
 
-def test_without_its_power_the_other_channel_counts_as_ill(plumb: Plumb, pair: Master) -> None:
+def test_without_its_power_the_other_channel_counts_as_faulty(plumb: Plumb, pair: Master) -> None:
     mark = pair.mark()
     plumb.type("power b off")
     emcy(pair, mark, 1, OTHER_CODE)
     emcy(pair, mark, 1, 0x8130)
-    assert pair.read(1, 0x2021) == OTHER_ILL
+    assert pair.read(1, 0x2021) == OTHER_FAULTY
     assert pair.read(1, 0x2020) & 0x3F == 0x03, "this one's angles, and no comparison"
     assert pair.read(1, 0x6810) == INVALID16
     plumb.type("power b on")
@@ -309,7 +309,7 @@ def test_without_any_channel_nobody_measures(plumb: Plumb, pair: Master) -> None
 def test_a_loose_board_is_a_disagreement_that_accuses_nobody(
     plumb: Plumb, pair: Master
 ) -> None:
-    """Level, gravity says nothing of it, and nobody saw it move, so nobody can be named."""
+    """Level, gravity shows nothing of it, and nobody saw it move, so nobody can be named."""
     mark = pair.mark()
     loosen(plumb, pair)
     for node in (1, 2):
@@ -361,8 +361,8 @@ def test_every_tpdo_1_carries_validity_and_state_with_its_angles(
             x, y = slopes(frame.data)
             assert [x != INVALID16, y != INVALID16] == [bool(frame.data[4] & b) for b in (1, 2)]
             seen.add((node, frame.data[4] & 3, frame.data[5]))
-    assert {(1, 3, AGREE), (2, 3, AGREE), (1, 3, OTHER_ILL), (2, 0, OWN_ILL)} <= seen
-    assert {state for node, _, state in seen if node == 1} == {AGREE, OTHER_ILL}
+    assert {(1, 3, AGREE), (2, 3, AGREE), (1, 3, OTHER_FAULTY), (2, 0, OWN_FAULTY)} <= seen
+    assert {state for node, _, state in seen if node == 1} == {AGREE, OTHER_FAULTY}
 
 
 def test_a_disagreement_takes_the_angles_of_both_away(plumb: Plumb, pair: Master) -> None:
@@ -404,7 +404,7 @@ def test_where_the_pose_tells_the_loose_board_is_named(plumb: Plumb, pair: Maste
     emcy(pair, mark, 2, OWN_CODE)
     assert emcy(pair, mark, 2, BIASED_CODE)[6] == 1 << 6 | BIASED
     assert [verdict(pair, node) for node in (1, 2)] == [[2, BIASED], [1, BIASED]]
-    alone = bytes([0xC3, OTHER_ILL])
+    alone = bytes([0xC3, OTHER_FAULTY])
     if MODE == "dynamic":
         # Both estimators began anew while the pair disagreed.
         until(lambda: newest(pair, 1)[4:] == alone, "A has its angles again")

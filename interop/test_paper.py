@@ -52,7 +52,7 @@ def phases(master: Master, mark: int, node: int = 1) -> list[tuple[int, int]]:
 
 
 def swing(plumb: Plumb, master: Master, until_state: int, mark: int) -> None:
-    """Turns to and fro at 40 deg/s until node 1 says this."""
+    """Turns to and fro at 40 deg/s until node 1 reports this."""
     goals = itertools.cycle((50, -50))
     plumb.type("rate 40")
     while until_state not in states(master, mark):

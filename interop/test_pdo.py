@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import statistics
 import time
 from typing import Iterator
 
@@ -62,6 +63,12 @@ def syncs(master: Master, count: int) -> int:
     return mark
 
 
+def activity(master: Master) -> int:
+    """The activity that TPDO 4 of node 1 carries after one more SYNC."""
+    syncs(master, 1)
+    return master.nodes[1].tpdo[4][4].raw
+
+
 def test_tpdo_1_as_delivered_carries_the_angles_that_sdo_reads(master: Master) -> None:
     master.nmt(START)
     master.compare()
@@ -101,7 +108,11 @@ def test_python_canopen_decodes_every_default_tpdo(master: Master) -> None:
     assert node.tpdo[3][0].raw * 360 / 2**24 == pytest.approx(-10, abs=0.2)
     gravity = [node.tpdo[4][axis].raw / 2**13 for axis in range(3)]
     assert sum(g * g for g in gravity) == pytest.approx(1, abs=0.01)
-    assert node.tpdo[4][4].raw == pytest.approx(64, abs=16), "the channel's own noise"
+    # One SYNC has up to 32 samples of noise, which scatter by 1.2 dB; each step is 0.4 dB. The
+    # gyroscope's part has a low-pass of its own, which takes 3.5 dB of what is above 150 Hz.
+    own = 55 if MODE == "dynamic" else 64
+    activities = [activity(master) for _ in range(16)]
+    assert statistics.mean(activities) == pytest.approx(own, abs=6), "the channel's own noise"
 
 
 def test_tpdos_go_out_in_operational_only(master: Master) -> None:
@@ -367,7 +378,7 @@ def test_a_remote_frame_is_answered_unless_bit_30_is_set(
     request = can.Message(
         arbitration_id=0x181, is_remote_frame=True, dlc=6, is_extended_id=False
     )
-    # Two clients have no order among each other: the answer says that START has come.
+    # Two clients have no order among each other: the answer shows that START has come.
     master.read(1, 0x1001)
     mark = master.mark()
     adapter.send(request)

@@ -20,7 +20,7 @@ from master import (
     until,
 )
 
-WAITING, AGREE, WARNING, DISAGREE, OWN_ILL, OTHER_ILL = 0, 1, 2, 6, 7, 8
+WAITING, AGREE, WARNING, DISAGREE, OWN_FAULTY, OTHER_FAULTY = 0, 1, 2, 6, 7, 8
 DISAGREE_CODE, OWN_CODE, OTHER_CODE, SUPPLY = 0xFF13, 0xFF14, 0xFF15, 0x3200
 PEER, SET_UP_LOST, SILENT, UNCONFIRMED, ALONE = 2, 7, 15, 18, 19
 LATCHED = 0x80
@@ -96,9 +96,9 @@ def test_what_is_no_policy_is_refused(master: Master) -> None:
 
 
 def alone(master: Master, allowed: bool) -> None:
-    """A is left alone: it works on, or says that it may not."""
+    """A is left alone: it works on, or reports that it may not."""
     data = newest(master, 1)
-    assert data[5] == OTHER_ILL
+    assert data[5] == OTHER_FAULTY
     if allowed:
         assert data[4] & 0x3F == 0x03, "its own angles, no comparison"
         assert all(abs(slope) < 30 for slope in slopes(data)), "level"
@@ -115,8 +115,8 @@ def test_a_supply_fault_of_b_leaves_a_working_unless_that_is_forbidden(
 ) -> None:
     mark = pair.mark()
     plumb.type("fault b supply")
-    assert emcy(pair, mark, 1, OTHER_CODE)[7] == OTHER_ILL
-    assert emcy(pair, mark, 2, OWN_CODE)[7] == OWN_ILL
+    assert emcy(pair, mark, 1, OTHER_CODE)[7] == OTHER_FAULTY
+    assert emcy(pair, mark, 2, OWN_CODE)[7] == OWN_FAULTY
     assert verdict(pair, 1)[0] == PEER
     alone(pair, allowed=True)
     pair.write(1, 0x2005, 0, 0)
@@ -131,7 +131,7 @@ def test_without_b_s_power_a_alone_is_invalid_where_it_may_not_do(
 ) -> None:
     pair.write(1, 0x2005, 0, 0)
     plumb.type("power b off")
-    both(pair, OTHER_ILL)
+    both(pair, OTHER_FAULTY)
     assert verdict(pair, 1) == [PEER, SILENT]
     alone(pair, allowed=False)
     plumb.type("power b on")
@@ -144,13 +144,13 @@ def test_a_node_whose_peer_never_speaks_has_no_angle(master: Master, degraded: i
     master.write(1, 0x2050, 1, 50)
     mark = master.mark()
     master.nmt(START, 1)
-    both(master, OTHER_ILL)
+    both(master, OTHER_FAULTY)
     newest(master, 1)
     frames = master.since(mark, 0x181)
-    first = next(f.timestamp for f in frames if f.data[5] == OTHER_ILL)
+    first = next(f.timestamp for f in frames if f.data[5] == OTHER_FAULTY)
     assert first - frames[0].timestamp == pytest.approx(2.0, abs=0.2)
     for frame in frames:
-        assert frame.data[5] in (WAITING, OTHER_ILL)
+        assert frame.data[5] in (WAITING, OTHER_FAULTY)
         assert slopes(frame.data) == [INVALID16] * 2 and frame.data[4] & 3 == 0
     assert reasons(master, 1) == [UNCONFIRMED] * 2
     assert verdict(master, 1) == [PEER, UNCONFIRMED]
@@ -165,7 +165,7 @@ def test_an_offset_from_before_the_start_was_shown_as_an_angle_when_b_had_no_pow
     master.write(1, 0x2050, 1, 50)
     mark = master.mark()
     master.nmt(START, 1)
-    both(master, OTHER_ILL)
+    both(master, OTHER_FAULTY)
     newest(master, 1)
     frames = master.since(mark, 0x181)
     assert all(slopes(frame.data) == [INVALID16] * 2 for frame in frames)
@@ -203,7 +203,7 @@ def test_a_disagreement_is_over_once_the_channels_have_agreed_for_2004h(
         assert newest(pair, node)[4] & 0x3F == 0x3F
 
 
-def test_a_disagreement_stays_while_it_lasts_whatever_2004h_says(
+def test_a_disagreement_stays_while_it_lasts_whatever_2004h_sets(
     plumb: Plumb, pair: Master
 ) -> None:
     latch(pair, 1)
@@ -224,7 +224,7 @@ def test_a_sensor_that_lost_its_set_up_gets_it_again_after_2004h(
     plumb.type("fault b brown-out")
     emcy(pair, mark, 2, SUPPLY)
     emcy(pair, mark, 1, OTHER_CODE)
-    both(pair, OTHER_ILL, OWN_ILL)
+    both(pair, OTHER_FAULTY, OWN_FAULTY)
     # The samples stop at once; why they did shows when the registers are next read back.
     until(lambda: verdict(pair, 1) == [PEER, SET_UP_LOST], "a set-up that was lost")
     assert [pair.read(node, 0x2020) & LATCHED for node in (1, 2)] == [0, 0]
@@ -234,13 +234,15 @@ def test_a_sensor_that_lost_its_set_up_gets_it_again_after_2004h(
         assert newest(pair, node)[4] & 0x3F == 0x3F
 
 
-def test_latched_is_said_by_both_until_the_ill_one_is_reset(plumb: Plumb, pair: Master) -> None:
+def test_latched_is_reported_by_both_until_the_faulty_one_is_reset(
+    plumb: Plumb, pair: Master
+) -> None:
     plumb.type("fault b brown-out")
-    both(pair, OTHER_ILL, OWN_ILL)
+    both(pair, OTHER_FAULTY, OWN_FAULTY)
     assert [newest(pair, node)[4] & LATCHED for node in (1, 2)] == [LATCHED, LATCHED]
     pair.reset(1)
     pair.nmt(START, 1)
-    both(pair, OTHER_ILL, OWN_ILL)
+    both(pair, OTHER_FAULTY, OWN_FAULTY)
     pair.reset(2)
     begin(pair)
     assert [newest(pair, node)[4] & LATCHED for node in (1, 2)] == [0, 0]
@@ -251,7 +253,7 @@ def test_a_channel_that_was_only_silent_is_back_after_a_second(
 ) -> None:
     assert pair.read(1, 0x2004) == 0, "even where faults stay until a reset"
     plumb.type("wire b off")
-    both(pair, OTHER_ILL)
+    both(pair, OTHER_FAULTY)
     assert verdict(pair, 1) == [PEER, SILENT]
     assert pair.read(1, 0x2020) & LATCHED == 0
     mark = pair.mark()

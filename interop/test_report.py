@@ -17,7 +17,7 @@ from master import PLUMB, Plumb
 
 pytestmark = pytest.mark.virtual("it is about the program plumb")
 
-# What its rules say of every document of 3.2.1, which is what laboratories use today.
+# What its rules report of every document of 3.2.1, which is what laboratories use today.
 OUTDATED = "@schemaVersion='3.3.0'"
 
 

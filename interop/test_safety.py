@@ -300,7 +300,7 @@ def test_one_channel_alone_sends_no_safety_frame(plumb: Plumb, running: Master) 
         plumb.type("heal b")
 
 
-def test_gfc_is_obeyed_where_1300h_says_so(master: Master) -> None:
+def test_gfc_is_obeyed_where_1300h_sets_it(master: Master) -> None:
     master.write(1, 0x1300, 0, 1)
     for node in (1, 2):
         commission(master, node)

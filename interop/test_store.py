@@ -145,7 +145,7 @@ def test_nothing_is_stored_or_restored_in_operational(master: Master) -> None:
 
 
 @pytest.mark.virtual("an emulated flash does not wear out by a word")
-def test_a_memory_that_fails_says_so_and_keeps_what_it_had(
+def test_a_memory_that_fails_reports_it_and_keeps_what_it_had(
     plumb: Plumb, master: Master
 ) -> None:
     change(master, 1)

@@ -402,7 +402,7 @@ def test_an_update_started_while_the_other_channel_was_down(
     assert state(master) == 127
 
 
-def test_an_update_ended_by_another_one_did_not_say_so(
+def test_an_update_ended_by_another_one_did_not_report_it(
     plumb: Plumb, working: Master, image: Callable[..., pathlib.Path]
 ) -> None:
     mark = working.mark()

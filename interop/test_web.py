@@ -169,7 +169,7 @@ def test_a_fault_appears_by_name_and_the_angle_goes(
     assert complaints(browser) == []
 
 
-def test_when_nothing_comes_the_page_says_so_and_shows_no_number(
+def test_when_nothing_comes_the_page_states_it_and_shows_no_number(
     browser: webdriver.Chrome, plumb: Plumb, monitor: Monitor, tmp_path: pathlib.Path
 ) -> None:
     browser.get(monitor.url)

@@ -1,7 +1,7 @@
 //! The communication profile area, 1000h to 1FFFh: which service owns which object
 //! (CiA 301, 7.5.2).
 //!
-//! In: an address and a value. Out: what the owning service says. The objects that describe the
+//! In: an address and a value. Out: what the owning service answers. The objects that describe the
 //! device or its memory (1008h to 100Ah, 1018h sub 4, 1F50h to 1F57h) are the application's and
 //! are answered with `None` here.
 //!

@@ -114,7 +114,7 @@ impl Emergency {
             newer = core::mem::replace(kept, newer);
         }
         self.count = (self.count + 1).min(HISTORY as u8);
-        // The message says at least that there is an error, even when nothing of it stays.
+        // The message reports at least that there is an error, even when nothing of it stays.
         self.queue(code, self.register | GENERIC, detail);
     }
 
@@ -265,7 +265,7 @@ mod tests {
     }
 
     /// The next message, which goes out at once.
-    fn said(emergency: &mut Emergency, now: Instant) -> Option<Frame> {
+    fn sent(emergency: &mut Emergency, now: Instant) -> Option<Frame> {
         let frame = emergency.transmit()?;
         emergency.sent(frame.cob_id()?, now);
         Some(frame)
@@ -281,13 +281,13 @@ mod tests {
         let mut e = emergency();
         e.raise(0x5010, 0x20, [1, 2, 3, 4, 5]);
         assert_eq!(e.next_cob_id(OP, Instant(0)), Some(0x85));
-        let told = said(&mut e, Instant(0)).unwrap();
+        let told = sent(&mut e, Instant(0)).unwrap();
         assert_eq!(
             told,
             Frame::data_frame(0x85, &[0x10, 0x50, 0x21, 1, 2, 3, 4, 5])
         );
         e.clear(0, [0; 5]);
-        let gone = said(&mut e, Instant(0)).unwrap();
+        let gone = sent(&mut e, Instant(0)).unwrap();
         assert_eq!(gone, Frame::data_frame(0x85, &[0; 8]));
         assert_eq!(number(&e, 0x1001, 0), Ok(0));
         assert_eq!(number(&e, 0x1003, 1), Ok(0x0201_5010));
@@ -318,9 +318,9 @@ mod tests {
         for code in 0..20_u16 {
             e.raise(0xFF00 + code, 0x80, [0; 5]);
         }
-        let first = said(&mut e, Instant(0)).unwrap();
+        let first = sent(&mut e, Instant(0)).unwrap();
         assert_eq!(first.bytes()[..2], [0x00, 0xFF]);
-        let rest = core::iter::from_fn(|| said(&mut e, Instant(0)));
+        let rest = core::iter::from_fn(|| sent(&mut e, Instant(0)));
         assert_eq!(rest.last().unwrap().bytes()[..2], [19, 0xFF]);
         assert_eq!(number(&e, 0x1003, 0), Ok(HISTORY as u64));
         assert_eq!(number(&e, 0x1003, 1), Ok(0xFF13));
@@ -351,19 +351,19 @@ mod tests {
         e.raise(PASSIVE, 0x10, [0; 5]);
         e.raise(0x1000, 0x80, [1; 5]);
         e.raise(0x1001, 0x80, [2; 5]);
-        assert!(said(&mut e, Instant(0)).is_some());
+        assert!(sent(&mut e, Instant(0)).is_some());
         let taken = e.transmit().unwrap();
         for _ in 0..9 {
             e.lost();
             e.raise(RECOVERED, 0, [0; 5]);
         }
         let codes: [_; 3] = core::array::from_fn(|n| {
-            let frame = said(&mut e, Instant(0)).unwrap();
+            let frame = sent(&mut e, Instant(0)).unwrap();
             assert!(n > 0 || frame == taken);
             u16::from_le_bytes([frame.bytes()[0], frame.bytes()[1]])
         });
         assert_eq!(codes, [0x1000, 0x1001, RECOVERED]);
-        assert_eq!(said(&mut e, Instant(0)), None);
+        assert_eq!(sent(&mut e, Instant(0)), None);
     }
 
     #[test]

@@ -24,7 +24,7 @@ const DUMMIES: [u8; 8] = [0, 0, 8, 16, 32, 8, 16, 32];
 
 /// A list of up to eight mapped objects.
 ///
-/// It holds whatever has been put in; [`Mapping::check`] says whether it may be used.
+/// It holds whatever has been put in; [`Mapping::check`] returns whether it may be used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Mapping {
     entries: [u32; ENTRIES as usize],

@@ -451,7 +451,7 @@ impl Value {
 /// What stands behind the dictionary's rows.
 ///
 /// The caller has looked the row up and has checked access, length and limits; an implementation
-/// checks what only it can know (dependencies between objects, the state of the device) and
+/// checks what only it can check (dependencies between objects, the state of the device) and
 /// changes nothing when it refuses. Addresses that it does not serve answer
 /// [`Abort::NoSuchObject`].
 pub trait Objects {

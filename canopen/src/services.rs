@@ -4,7 +4,7 @@
 //! constant, so that what is left out is not linked. Out: whether an object is served at all.
 //!
 //! A device without a service answers as one that never had it: its objects do not exist, whatever
-//! the table says, and its frames are those of somebody else.
+//! the table lists, and its frames are those of somebody else.
 //!
 //! Left out: services that need no code of their own but their rows (1020h, 1029h, 1F80h): those
 //! a device leaves out by leaving out the rows.

@@ -20,7 +20,7 @@ impl Deadline {
         Self(!at.0)
     }
 
-    /// In so many microseconds; never for 0, as the objects say that hold a period.
+    /// In so many microseconds; never for 0, as defined for the objects that hold a period.
     pub const fn in_us(now: Instant, micros: u64) -> Self {
         if micros == 0 {
             return Self::NONE;

@@ -1,4 +1,4 @@
-//! `plumb describe`: the documents that other tools and people know the two nodes by.
+//! `plumb describe`: the documents by which other tools and people use the two nodes.
 //!
 //! In: the rows of the object dictionary (`device::objects`), the only source. Out: an electronic
 //! data sheet (EDS) or a device configuration (DCF) of one channel, a DBC of what both send with
@@ -151,7 +151,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn options_that_say_nothing_about_a_document_are_refused() {
+    fn options_that_do_not_apply_to_a_document_are_refused() {
         let ask = |document, channel, node_id| {
             text(&Arguments {
                 instrument: InstrumentName::Product,

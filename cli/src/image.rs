@@ -1,8 +1,8 @@
 //! `plumb image`: the file that `plumb update` sends, built and signed.
 //!
-//! In: images as `cargo xtask image` builds them, or bodies and what a header says of them, and a
+//! In: images as `cargo xtask image` builds them, or bodies and what a header states of them, and a
 //! secret key. Out: one file with an image for each slot, signed. Without images and bodies it is
-//! a program for the nodes of `plumb serve`, signed with the key that those know. With `--public`
+//! a program for the nodes of `plumb serve`, signed with the key that those have. With `--public`
 //! it prints the public key instead, which a node's image is built with.
 //!
 //! Left out: linking, and keeping secret keys.
@@ -291,7 +291,7 @@ fn body(path: &Path, slot: Slot) -> Result<Vec<u8>, ImageError> {
 }
 
 /// Whether a body begins as a vector table does, and the code is not in this slot. Of one that
-/// begins otherwise nobody knows: the programs for the nodes of `plumb serve` are text.
+/// begins otherwise it is not known: the programs for the nodes of `plumb serve` are text.
 fn is_for_other(body: &[u8], slot: Slot) -> bool {
     let in_slot = |reset: &u32| {
         RC.slot(slot).is_some_and(|region| {
@@ -352,7 +352,7 @@ mod tests {
     }
 
     #[test]
-    fn a_secret_key_has_the_public_key_that_the_standard_says() {
+    fn a_secret_key_has_the_public_key_of_the_standard() {
         // RFC 8032, 7.1, test 1.
         let file = std::env::temp_dir().join(format!("plumb-key-{}", std::process::id()));
         let text = "9d61b19deffd5a60ba844af492ec2cc44449c5697b326919703bac031cae7f60\n";

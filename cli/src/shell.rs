@@ -1,9 +1,9 @@
-//! `plumb completions` and `plumb man`: what a shell and `man` know of the program.
+//! `plumb completions` and `plumb man`: what a shell and `man` are given of the program.
 //!
 //! In: the one definition of the command line, from which `--help` comes too. Out: a completion
 //! script on stdout, or manual pages, one for the program and one for each verb.
 //!
-//! Left out: where a system keeps such files; docs/exit-status.md says what the exit status means.
+//! Left out: where a system keeps such files; docs/command-line.md has what the exit status means.
 
 use std::fs;
 use std::io;
@@ -199,7 +199,7 @@ mod tests {
     }
 
     #[test]
-    fn every_verb_says_what_it_is_for_and_what_each_option_does() {
+    fn every_verb_states_what_it_is_for_and_what_each_option_does() {
         for verb in CommandLine::command().get_subcommands() {
             let name = verb.get_name();
             assert!(verb.get_about().is_some(), "{name}");

@@ -17,7 +17,7 @@ use bus_master::intake::{Intake, connect};
 use output::stdout;
 use virtual_bus::{Answer, TWIN_AT, candidates, help, read};
 
-/// How long a server may take to say that it is one.
+/// How long a server may take to answer that it is one.
 const GREETING: Duration = Duration::from_secs(10);
 
 /// One look for an answer, which may take as long as a `wait`.
@@ -57,7 +57,7 @@ fn address(text: &str) -> Result<String, String> {
     }
 }
 
-/// Takes any text, since the server knows the words; a shell offers those that there are.
+/// Takes any text, since the server has the words; a shell offers those that there are.
 #[derive(Clone)]
 struct WordParser;
 

@@ -63,7 +63,7 @@ fn json(arguments: &[&str]) -> Value {
     value
 }
 
-/// The same with this exit status, and what the standard error says.
+/// The same with this exit status, and what the standard error holds.
 fn json_with(wanted: i32, arguments: &[&str]) -> (Value, String) {
     let output = plumb(&["replay", "--json"])
         .args(arguments)

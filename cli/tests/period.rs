@@ -32,7 +32,7 @@ impl Bench {
         bench
     }
 
-    fn say(&mut self, word: &str) {
+    fn word(&mut self, word: &str) {
         self.served.word(word);
     }
 
@@ -67,7 +67,7 @@ impl Bench {
                     );
                     if !broken && since > 4.0 {
                         broken = true;
-                        self.say("fault b noise 40");
+                        self.word("fault b noise 40");
                     }
                     if broken && matches!(*id, "81" | "082" | "081" | "82") {
                         told.get_or_insert(since);

@@ -136,7 +136,7 @@ impl Client {
 }
 
 #[test]
-fn two_nodes_boot_and_say_who_they_are() {
+fn two_nodes_boot_and_report_who_they_are() {
     let server = start(&[]);
     let line = "serving 2 nodes (1, 2) at 250 kbit/s on socketcand 127.0.0.1:";
     assert!(server.ready.starts_with(line), "{}", server.ready);
@@ -163,7 +163,7 @@ fn a_script_turns_the_instrument() {
     let script = folder.file("script", "rate 80\npitch 30\nroll -10\nhold\n");
     let server = start(&["--script", &script, "--speed", "20"]);
     let mut client = Client::connect(at(&server));
-    // The resolution is 0.001 deg unless 6000h says 10, 100 or 1000.
+    // The resolution is 0.001 deg unless 6000h holds 10, 100 or 1000.
     let resolution = f64::from(client.upload(1, 0x6000, 0)) / 1000.0;
     let from = Instant::now();
     loop {
@@ -290,7 +290,7 @@ fn a_script_without_a_word_was_served_before_the_complaint() {
 }
 
 #[test]
-fn a_script_that_ends_says_so() {
+fn a_script_that_ends_prints_so() {
     let folder = Folder::new();
     let script = folder.file("script", "pitch 10\nwait\nwait 1\n");
     let arguments = [

@@ -148,7 +148,7 @@ fn bash_completes_the_words_of_the_twin_the_nodes_and_the_faults() {
 }
 
 #[test]
-fn fish_and_zsh_know_the_words_of_the_twin_too() {
+fn fish_and_zsh_offer_the_words_of_the_twin_too() {
     for shell in ["fish", "zsh"] {
         let script = text(&plumb(&["completions", shell]).stdout);
         let words = ["vibration", "all", "sync-lost"];

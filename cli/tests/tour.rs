@@ -86,7 +86,7 @@ impl Tour {
         shell
     }
 
-    /// Starts the bus, and waits until it says that it is ready.
+    /// Starts the bus, and waits until it prints that it is ready.
     fn start(&mut self, line: &str) {
         let at = self.bus.trim_end_matches("/plumb");
         let served = format!("exec plumb serve --listen {at} --twin {}", self.twin);
@@ -123,7 +123,7 @@ impl Drop for Tour {
 }
 
 #[test]
-fn every_command_of_the_tour_does_what_it_says() {
+fn every_command_of_the_tour_does_what_the_tour_states() {
     let commands = commands();
     assert!(commands.len() >= 8, "{commands:?}");
     let mut tour = Tour::new();
@@ -134,7 +134,7 @@ fn every_command_of_the_tour_does_what_it_says() {
             None => said += &tour.run(command),
         }
     }
-    // What the text says of them.
+    // What the text states of them.
     for sentence in [
         "Plumb inclinometer, channel A",
         "quadratic model for",

@@ -99,8 +99,8 @@ fn a_full_disk_cost_the_old_object_or_box() {
     fails(&folder, 0, "node-1-fault-log.bin", &boxes);
 }
 
-/// Expects that a call leaves the file `name` alone and says so in one sentence, and replaces it
-/// with --force.
+/// Expects that a call leaves the file `name` alone and prints that in one sentence, and replaces
+/// it with --force.
 fn asks(folder: &Folder, name: &str, arguments: &[&str]) {
     folder.file(name, "old");
     let before = content(folder);

@@ -1,4 +1,4 @@
-//! As many SDO uploads of a four-byte object as the argument says, for counting instructions.
+//! As many SDO uploads of a four-byte object as the argument gives, for counting instructions.
 //!
 //! In: a number. Out: exit status 0 when each request was answered with an expedited response of
 //! four bytes, 1 when one was not. `cargo xtask size` runs it under valgrind.

@@ -5,7 +5,7 @@
 //! arrives whole the proof. A silent bus is searched for ever: without traffic there is nothing
 //! to find.
 //!
-//! Left out: the controller, and rates that CiA 301 doesn't know.
+//! Left out: the controller, and rates that CiA 301 doesn't have.
 
 use instant::Instant;
 

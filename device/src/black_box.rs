@@ -1,4 +1,4 @@
-//! The black box: what both channels said around an event, SYNC by SYNC.
+//! The black box: what both channels sent around an event, SYNC by SYNC.
 //!
 //! In: a [`Frame`] for each SYNC that was judged, and a trigger for each event that asks for one.
 //! Out: two boxes as bytes, any part of them on demand.
@@ -91,7 +91,7 @@ pub const BREAK_US: i64 = 5_000_000;
 /// A box is its reader's until so long after the last read, us: then the SDO has timed out.
 pub const LEASE_US: i64 = TIMEOUT_MS as i64 * 1000;
 
-/// What both channels said at one SYNC, and what came of it.
+/// What both channels sent at one SYNC, and what came of it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Frame {
     /// This channel's exchange PDOs 1 and 2.
@@ -276,7 +276,7 @@ impl BlackBox {
         }
     }
 
-    /// Takes what was said at the SYNC of `at`, which was just judged.
+    /// Takes what was sent at the SYNC of `at`, which was just judged.
     pub fn record(&mut self, frame: &Frame, at: Instant) {
         self.measure(at);
         if let Some(waiting) = &mut self.waiting {

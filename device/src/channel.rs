@@ -1,4 +1,4 @@
-//! One channel: a part on its bus, read when it says so, watched, and turned into readings.
+//! One channel: a part on its bus, read when it is ready, watched, and turned into readings.
 //!
 //! In: the data-ready edge with its capture time, the time, and what comes over SPI. Out: a
 //! [`Reading`] for any instant. Settings are an immutable value handed in with every call, so that
@@ -112,7 +112,7 @@ pub const CHECK_INTERVAL_US: i64 = 100_000;
 /// (LIS2DW12), with a margin.
 const OUTAGE_US: i64 = 75_000;
 
-/// 400 samples/s, until settings say otherwise.
+/// 400 samples/s, until settings give another rate.
 const NOMINAL_PERIOD_US: u32 = 2500;
 
 /// How often a sample that is overdue is asked after.
@@ -220,7 +220,7 @@ impl<P: Part, C: Composition> Channel<P, C> {
         self.overdue_at = NEVER;
         self.samples = 0;
         self.nameless = None;
-        // The part has no temperature before its first conversion, and says 25 degC until then.
+        // The part has no temperature before its first conversion, and shows 25 degC until then.
         self.next_check = now.offset(CHECK_INTERVAL_US);
         self.next_watch = now;
         self.fault = Some(Invalid::Bus);
@@ -319,7 +319,7 @@ impl<P: Part, C: Composition> Channel<P, C> {
             Err(PartError::Register) => return self.latch(Invalid::PartReset),
             Err(_) => return self.latch(Invalid::Bus),
         }
-        // A part that has stopped converting shows a temperature of nobody knows when.
+        // A part that has stopped converting shows a temperature of an unknown time.
         if now >= self.next_check && !overdue && self.samples > 0 {
             match self.part.read_temperature() {
                 Ok(temperature) => self.take_temperature(settings, temperature, now),
@@ -348,7 +348,7 @@ impl<P: Part, C: Composition> Channel<P, C> {
         self.fault.get_or_insert(reason);
     }
 
-    /// Why there is nothing to say, when that is not the chain's business.
+    /// Why there is nothing to report, when that is not the chain's business.
     pub fn reason(&self) -> Option<Invalid> {
         let lost = self.lost.then_some(Invalid::Stale);
         let stuck = || self.health.stuck(&self.watch).then_some(Invalid::Stuck);
@@ -361,7 +361,7 @@ impl<P: Part, C: Composition> Channel<P, C> {
         self.reason().or_else(excused)
     }
 
-    /// What the channel says at `now`.
+    /// What the channel reports at `now`.
     pub fn reading(&self, settings: &Settings<C>, now: Instant) -> Reading {
         match self.reason_at(now) {
             Some(reason) => Observation::absent(reason).reading,
@@ -369,7 +369,7 @@ impl<P: Part, C: Composition> Channel<P, C> {
         }
     }
 
-    /// All that the channel says at `now`, a SYNC: the activity is that since the SYNC before.
+    /// All that the channel reports at `now`, a SYNC: the activity is that since the SYNC before.
     pub fn observe(&mut self, settings: &Settings<C>, now: Instant) -> Observation {
         let activity = self.health.take_activity(&mut self.watch);
         let turned = settings.chain.take_turned(&mut self.state, now);

@@ -437,7 +437,7 @@ impl<P: Part, M: Memory, I: Instrument> Device<P, M, I> {
         self.next.min(channel).min(self.matching.sending.next)
     }
 
-    /// What the CAN controller says of itself. At bus-off its mailboxes are to be emptied.
+    /// What the CAN controller reports of itself. At bus-off its mailboxes are to be emptied.
     pub fn bus_state(&mut self, state: BusState, transmit: u8, receive: u8, now: Instant) {
         let shown = &mut self.parts.values.process.bus;
         let code = match state {
@@ -449,7 +449,7 @@ impl<P: Part, M: Memory, I: Instrument> Device<P, M, I> {
             shown.bus_offs = shown.bus_offs.saturating_add(1);
         }
         if code == 2 {
-            // Whatever waited in the controller is gone, and so is what the peer has said. A
+            // Whatever waited in the controller is gone, and so is what the peer has sent. A
             // restart waits no longer for its answer to go out.
             let pending = &mut self.parts.values.pending;
             pending.reset |= core::mem::take(&mut pending.restart);

@@ -8,7 +8,7 @@
 //!
 //! | quality | meaning |
 //! |---|---|
-//! | 0 | nothing said yet |
+//! | 0 | nothing sent yet |
 //! | 1 to 31 | no angle; the reason is [`reason`] |
 //! | 32 to 254 | an angle; its standard uncertainty is 0.001 deg times 2^((quality - 32) / 16) |
 //! | 255 | an angle with an uncertainty above 15.0 deg: taken as knowing nothing, 103.9 deg |
@@ -26,7 +26,7 @@
 //! energy of its rate from sample to sample, with the low byte of the instant again, since a turn
 //! of another SYNC is none.
 //!
-//! Left out: the PDOs themselves, and what the instant says about their age (`peer_clock`).
+//! Left out: the PDOs themselves, and what the instant shows of their age (`peer_clock`).
 //!
 //! [`presentation`]: crate::presentation
 
@@ -48,7 +48,7 @@ pub struct Exchange {
     /// Angle X and Y in 2^-24 of a circle, -2^23 to 2^23 - 1; 0 where there is none. The lowest
     /// four bits are no part of it ([`Exchange::piece`]).
     pub angle: [i32; 2],
-    /// What each is worth; see the table above. The default, 0, is "nothing said yet".
+    /// What each is worth; see the table above. The default, 0, is "nothing sent yet".
     pub quality: [u8; 2],
     /// The acceleration along the housing's axes, 2^-13 g; [`NO_VECTOR`] where there is none.
     pub vector: [i16; 3],
@@ -72,7 +72,7 @@ pub struct ToldTurn {
 }
 
 impl ToldTurn {
-    /// Nothing said yet.
+    /// Nothing sent yet.
     pub const NOTHING: Self = Self {
         angle: NO_VECTOR,
         captured: 0,
@@ -161,7 +161,7 @@ const BELOW: i32 = 0xF;
 pub const NO_VECTOR: [i16; 3] = [i16::MIN; 3];
 
 impl Exchange {
-    /// Nothing said yet.
+    /// Nothing sent yet.
     pub const NOTHING: Self = Self {
         angle: [0; 2],
         quality: [0; 2],
@@ -376,8 +376,8 @@ pub fn encode(observation: &Observation, shown: Presentation, at: Instant) -> Ex
 /// The angles that the peer has told, as its reading for the instant `at`, `latency_us` before it
 /// was asked.
 ///
-/// Both uncertainties are the unshared one. Nothing said yet is [`Invalid::NoSample`]; a reason
-/// that this program does not know is [`Invalid::Stale`], which does not pass for a start.
+/// Both uncertainties are the unshared one. Nothing sent yet is [`Invalid::NoSample`]; a reason
+/// unknown to this program is [`Invalid::Stale`], which does not pass for a start.
 pub fn decode_reading(exchange: &Exchange, at: Instant, latency_us: u32) -> Reading {
     let axis = |angle: i32, quality: u8| match quality {
         0 => Err(Invalid::NoSample),

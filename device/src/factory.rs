@@ -112,7 +112,7 @@ mod tests {
     use tilt::cross_check::gravity::Gravity;
 
     #[test]
-    fn an_acceleration_is_older_than_a_turn_by_what_the_latencies_say() {
+    fn an_acceleration_is_older_than_a_turn_by_the_difference_of_the_latencies() {
         let turn_us = f64::from(DYNAMIC_LATENCY_US) + rate_delay_s() * 1e6;
         let older_us = f64::from(PRODUCT_LATENCY_US) - turn_us;
         assert!((f64::from(Gravity::PRODUCT.older_us) - older_us).abs() < 5.0);

@@ -1,7 +1,7 @@
 //! What can be wrong, and how the bus is told: one exhaustive match from a fault to its EMCY
 //! code, its bit in the error register and a text (CiA 301, 7.2.7 and 7.5.2.2; CiA 410).
 //!
-//! In: the reading of this channel, the judgement of the pair, and what the device knows of its
+//! In: the reading of this channel, the judgement of the pair, and what the device has found of its
 //! memory. Out: a [`Faults`] set. Each member is reported once when it appears and once, by error
 //! code 0000h, when it has gone.
 //!
@@ -250,7 +250,7 @@ impl Faults {
         self.0
     }
 
-    /// Sets what a reading says of its sensor. Transient reasons accuse nobody.
+    /// Sets what a reading shows of its sensor. Transient reasons accuse nobody.
     pub fn of_reading(&mut self, reading: &Reading) {
         for axis in [&reading.x, &reading.y] {
             if let Err(reason) = axis {
@@ -259,7 +259,7 @@ impl Faults {
         }
     }
 
-    /// Sets what a reason says of this channel's sensor.
+    /// Sets what a reason means for this channel's sensor.
     fn of_reason(&mut self, reason: Invalid) {
         match reason {
             Invalid::PartReset => self.insert(Fault::SensorSupply),
@@ -287,7 +287,7 @@ impl Faults {
         }
     }
 
-    /// Sets what the comparison of the channels says.
+    /// Sets what the comparison of the channels has found.
     pub fn of_judgement(&mut self, judgement: Judgement) {
         match judgement {
             // A warning is part of the work: 2021h shows it, and no message is sent for each.

@@ -350,7 +350,7 @@ mod tests {
     }
 
     #[test]
-    fn each_field_stands_where_the_table_says() {
+    fn each_field_stands_where_the_table_has_it() {
         let mut log = FaultLog::new();
         log.add(Entry {
             at_ms: 0x0403_0201,

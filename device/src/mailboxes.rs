@@ -1,6 +1,6 @@
 //! The transmit mailboxes of a CAN controller: which frame goes into which, and which come out.
 //!
-//! In: a [`Device`] with what it has to say, and what became of the frames in the mailboxes. Out:
+//! In: a [`Device`] with what it has to send, and what became of the frames in the mailboxes. Out:
 //! frames into mailboxes and back out of them, by way of a [`Transmitter`].
 //!
 //! The controller sends by identifier and, for equal ones, by the number of the mailbox, so two

@@ -1,4 +1,4 @@
-//! The pair: the one state machine that says whether an angle may be used.
+//! The pair: the one state machine that determines whether an angle may be used.
 //!
 //! In: what both channels observed at each SYNC, leaving OPERATIONAL, restarts of either, and the
 //! policy (2004h, 2005h). Out, derived at the instant at which it is read: the judgement, whether
@@ -144,7 +144,7 @@ impl<C: Composition> Pair<C> {
         self.heard = true;
     }
 
-    /// A peer that has said nothing: until it has been heard once, it may still be starting.
+    /// A peer that has sent nothing: until it has been heard once, it may still be starting.
     pub const fn silence(&self) -> Observation {
         Observation::absent(if self.heard {
             Invalid::Silent
@@ -272,12 +272,12 @@ impl<C: Composition> Pair<C> {
         self.check.disagree()
     }
 
-    /// True while something stands that lasts as long as 2004h says.
+    /// True while something stands that lasts as long as 2004h sets.
     pub fn is_latched(&self) -> bool {
         self.check.is_latched()
     }
 
-    /// True while a fault stands that only a reset takes away, whatever 2004h says.
+    /// True while a fault stands that only a reset takes away, whatever 2004h sets.
     pub fn needs_reset(&self) -> bool {
         self.check.found() == Some(Judgement::PhysicalFault)
     }

@@ -1,4 +1,4 @@
-//! How old what the peer says is: its clock against this one.
+//! How old what the peer sends is: its clock against this one.
 //!
 //! In: at each exchange, the instant that the peer puts on it (in steps of 2 ms, the low byte),
 //! the instant of this node's own reading for the same SYNC, and whether the peer calls itself
@@ -35,11 +35,11 @@ const LATE_IN_A_ROW: u8 = 2;
 /// Exchanges in a row from the future that prove what was learned wrong.
 const EARLY_IN_A_ROW: u8 = 3;
 
-/// Exchanges in a row that are late by the same and prove the same. A peer that sends late knows
-/// it within four SYNCs, and says so.
+/// Exchanges in a row that are late by the same and prove the same. A peer that sends late finds
+/// it within four SYNCs, and reports it.
 const SAME_IN_A_ROW: u8 = 64;
 
-/// What an exchange's instant says.
+/// What an exchange's instant shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Heard {
     /// It belongs to the SYNC that it came for.
@@ -56,7 +56,7 @@ pub struct PeerClock {
     /// This clock minus the peer's in steps, the low byte.
     apart: Option<u8>,
     late: u8,
-    /// What the last exchanges say instead, and how many of them in a row.
+    /// What the last exchanges show instead, and how many of them in a row.
     instead: u8,
     same: u8,
 }
@@ -72,8 +72,8 @@ impl PeerClock {
         }
     }
 
-    /// An exchange that says `captured`, where this node's own reading was made at `at`; `sound`
-    /// when the peer has nothing to say against itself.
+    /// An exchange that carries `captured`, where this node's own reading was made at `at`; `sound`
+    /// when the peer reports nothing against itself.
     pub fn hear(&mut self, captured: u8, at: Instant, sound: bool) -> Heard {
         let apart = low_steps(at).wrapping_sub(captured);
         let known = *self.apart.get_or_insert(apart);
@@ -198,7 +198,7 @@ mod tests {
     }
 
     #[test]
-    fn a_peer_that_calls_itself_late_is_late_as_long_as_it_says_so() {
+    fn a_peer_that_calls_itself_late_is_late_as_long_as_it_reports_it() {
         let mut clock = PeerClock::new();
         assert_eq!(clock.hear(peer(0, 0), own(0), true), Heard::InTime);
         let mut late = (4..1000).map(|n| clock.hear(peer(n - 3, 0), own(n), false));

@@ -6,7 +6,7 @@
 //! The order is stop, clear, download, start; each download needs a clear of its own, because one
 //! that was broken off has already written. The running program is not the one that is cleared:
 //! "stopped" only means that an update may begin, and the instrument goes on measuring. A clear is
-//! answered at once and takes its time, a page for each [`Program::step`]; bit 0 of 1F57h says
+//! answered at once and takes its time, a page for each [`Program::step`]; bit 0 of 1F57h shows
 //! when it is over. A download that was broken off goes on behind what has come when the client
 //! asks for that ([`Program::resume`]).
 //!
@@ -102,7 +102,7 @@ pub struct Running {
 /// What has come of an image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Held {
-    /// CRC-32 of the body, as its header says.
+    /// CRC-32 of the body, as its header has it.
     pub crc: u32,
     /// CRC-32 over header and signature, which tells images with the same body apart.
     pub identity: u32,
@@ -258,7 +258,7 @@ impl Program {
                 self.error = None;
                 Ok(Effect::None)
             }
-            // The error that broke the download says more than its consequence.
+            // The error that broke the download shows more than its consequence.
             State::Broken => Err(Abort::WrongState),
             // Busy, these are not asked.
             State::Clearing | State::Loading { .. } | State::Checking | State::Cleared => {

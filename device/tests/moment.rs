@@ -1,7 +1,7 @@
 //! Angle and rates of the moment and the measured turn behind their rows: 2029h, 202Ah, 2034h.
 //!
-//! In: a channel that says at each instant what a test wants. Out: what the rows read as, at a SYNC
-//! and between two of them.
+//! In: a channel that reports at each instant what a test sets. Out: what the rows read as, at a
+//! SYNC and between two of them.
 
 #[path = "both/nothing.rs"]
 mod nothing;
@@ -29,7 +29,7 @@ use tilt::observation::Observation;
 use tilt::sample::Temperature;
 use tilt::uncertainty::Uncertainty;
 
-/// Says of each instant: slope X is as many hundredths of a degree as milliseconds have passed.
+/// Reports of each instant: slope X is as many hundredths of a degree as milliseconds have passed.
 struct Clockwork {
     moment: Result<[f64; 3], Invalid>,
     /// Of X and Y, 0.001 deg.

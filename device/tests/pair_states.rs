@@ -7,7 +7,7 @@
 //! - an angle marked valid is right, or wrong for half a second in which both could be compared;
 //! - it was compared since its node was last away;
 //! - one channel alone has agreed with the other one before, and did not differ from it since;
-//! - a disagreement ends with a reset of its node, or as 2004h says;
+//! - a disagreement ends with a reset of its node, or as 2004h sets;
 //! - a safety frame has a comparison behind it that is no older than its cycle;
 //! - nobody who was told of a channel's fault reads an angle of it, in whatever state of the node;
 //! - two that agree have received whole exchanges of each other.

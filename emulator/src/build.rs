@@ -22,7 +22,7 @@ const CHIP: &str = "thumbv7m-none-eabi";
 /// The profile that images are built with.
 const PROFILE: &str = "footprint";
 
-/// The variable by which the test command (`built` of `xtask`) says that everything is built.
+/// The variable that the test command (`built` of `xtask`) sets once everything is built.
 const READY: &str = "PLUMB_BUILT";
 
 /// Why there is no image.
@@ -63,34 +63,24 @@ pub struct Recipe<'a> {
     pub package: &'a str,
     /// Its binary.
     pub binary: &'a str,
-    /// Environment for its build, such as the slot.
-    pub environment: &'a [(&'a str, &'a str)],
-    /// A folder of its own below the target folder, so that recipes for one binary keep apart.
-    pub folder: &'a str,
 }
 
 /// The second image, which is not the product's.
 pub const FIXTURE: Recipe<'_> = Recipe {
     package: "emulator-fixture",
     binary: "emulator-fixture",
-    environment: &[],
-    folder: "emulated",
 };
 
 /// The signal chain on samples made of integers.
 pub const GOLDEN: Recipe<'_> = Recipe {
     package: "emulator-golden",
     binary: "emulator-golden",
-    environment: &[],
-    folder: "emulated",
 };
 
 /// The same chain by integers and in floating point, each counted.
 pub const FLOAT: Recipe<'_> = Recipe {
     package: "emulator-golden",
     binary: "emulator-golden-float",
-    environment: &[],
-    folder: "emulated",
 };
 
 /// The product or its variant with a gyroscope: what leaves the factory, and the programs in it
@@ -279,10 +269,10 @@ impl Recipe<'_> {
     }
 
     fn build(&self) -> Result<PathBuf, BuildError> {
-        let folder = target_folder().join(self.folder);
-        let mut cargo = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
+        // Where the firmware is built too: what both need of the compiler's helpers is built once.
+        let folder = target_folder();
+        let mut cargo = cargo();
         cargo
-            .current_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join(".."))
             .args([
                 "build",
                 "--quiet",
@@ -294,8 +284,7 @@ impl Recipe<'_> {
             ])
             .args(["--package", self.package, "--bin", self.binary])
             .arg("--target-dir")
-            .arg(&folder)
-            .envs(self.environment.iter().copied());
+            .arg(&folder);
         let output = cargo.output().map_err(BuildError::Cargo)?;
         if !output.status.success() {
             let said = String::from_utf8_lossy(&output.stderr).into_owned();

@@ -50,7 +50,7 @@ const SYNCS: u32 = 1000;
 const SPAN_S: f64 = 10.0;
 /// What the runtime paints the stack with (`cortex_m_rt::STACK_PAINT_VALUE`).
 const PAINT: u32 = 0xCCCC_CCCC;
-/// What 1F57h says of a wrong signature.
+/// What 1F57h reads after a wrong signature.
 const REFUSED: u32 = 7 << 1 | 5 << 16;
 /// What the symbol of the wait for SPI has in it.
 const WAIT: [&str; 2] = ["3spi", "4wait"];

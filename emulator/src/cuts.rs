@@ -29,7 +29,7 @@ impl<'a> Cuts<'a> {
         }
     }
 
-    /// The cells that a cut in operation `number` leaves, without power; `seed` says which bits of
+    /// The cells that a cut in operation `number` leaves, without power; `seed` sets which bits of
     /// it are done. Ask in rising order.
     ///
     /// # Panics

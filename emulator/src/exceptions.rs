@@ -1,7 +1,7 @@
 //! Exceptions as the core takes and leaves them: entry, return, masks.
 //!
 //! In: a core and the number of an exception. Out: the core at its handler, eight words deeper in
-//! its stack; or back where it was. The chip's [`Nvic`] says which exception is first.
+//! its stack; or back where it was. The chip's [`Nvic`] gives which exception is first.
 //!
 //! Sources: PM0056 2.3.6 and 2.3.7; ARMv7-M B1.5.6 to B1.5.8. Left out: lazy stacking (this core
 //! has no FPU), late arrival and tail-chaining as savings of time: they give the same state.
@@ -9,7 +9,7 @@
 use crate::chip::nvic::{Nvic, Waiting};
 use crate::cpu::{Cpu, NoMemory, Register};
 
-/// The bits of xPSR that say where in an IT block the code is (ARMv7-M B1.4.2).
+/// The bits of xPSR that hold where in an IT block the code is (ARMv7-M B1.4.2).
 pub const IT_STATE: u32 = 0x0600_FC00;
 /// The Thumb bit of xPSR.
 const THUMB: u32 = 1 << 24;

@@ -99,7 +99,7 @@ impl Pair {
 }
 
 #[test]
-fn the_sensor_says_who_it_is_and_a_frame_goes_out_for_each_sample() {
+fn the_sensor_gives_its_identity_and_a_frame_goes_out_for_each_sample() {
     let mut pair = Pair::new(1);
     pair.run(1.1);
 

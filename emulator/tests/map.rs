@@ -88,7 +88,7 @@ fn the_product_s_part_goes_on_where_the_paper_s_ends_and_ends_too() {
 }
 
 #[test]
-fn each_part_says_how_large_it_is_and_of_which_density() {
+fn each_part_states_its_size_and_its_density() {
     // RM0008 30.1 (F_SIZE), 31.6.1 (DBGMCU_IDCODE).
     for (layout, kilobytes, density) in [(C8, 64, 0x410), (RC, 256, 0x414)] {
         let read = |address| {

@@ -31,7 +31,7 @@ fn pair() -> Pair {
 }
 
 #[test]
-fn both_nodes_boot_and_say_so() {
+fn both_nodes_boot_and_report_it() {
     let mut pair = pair();
     pair.run(1.5);
     for (number, id) in [(0, 0x701), (1, 0x702)] {

@@ -31,7 +31,7 @@ impl Served {
         let ready = lines
             .map_while(Result::ok)
             .find(|line| line.starts_with("serving "));
-        let ready = ready.expect("it says where it serves");
+        let ready = ready.expect("it prints where it serves");
         let address = ready.rsplit(' ').next().expect("an address").to_string();
         Self { child, address }
     }

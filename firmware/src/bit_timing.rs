@@ -9,7 +9,7 @@
 /// The controller's clock, kHz: APB1.
 const CLOCK_KHZ: u32 = 36_000;
 
-/// CAN_BTR for a rate, kbit/s; `None` for a rate that CiA 301 does not know.
+/// CAN_BTR for a rate, kbit/s; `None` for a rate that CiA 301 does not have.
 pub const fn register(kbit_s: u16) -> Option<u32> {
     let quanta = match kbit_s {
         10 | 20 | 50 | 125 | 250 | 500 | 1000 => 18,

@@ -180,7 +180,7 @@ impl Driver {
         ours.fold(device, Instant::min)
     }
 
-    /// An instant that the device can be told: never before the one that it knows.
+    /// An instant that the device can be told: never before the one that it has.
     // Once in the image.
     #[cfg_attr(target_pointer_width = "32", inline(never))]
     fn reach(&mut self, at: Instant) -> Instant {
@@ -238,7 +238,7 @@ impl<P: Part, M: Memory, C: Controller, I: Instrument> DriverCall<'_, P, M, C, I
         self.device.data_ready(captured);
     }
 
-    /// Does what is due at `now`, which is what [`DriverCall::next`] has said.
+    /// Does what is due at `now`, which is what [`DriverCall::next`] has returned.
     pub fn poll(&mut self, now: Instant) {
         let now = self.driver.reach(now);
         if self.driver.recover_at.is_some_and(|at| at <= now) {

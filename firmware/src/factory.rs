@@ -1,7 +1,7 @@
 //! What a node is before anything was stored in it.
 //!
 //! In: the channel that the board straps to this chip, and the serial number. Out: the device's
-//! [`Factory`]: uncalibrated, 250 kbit/s, set up as `device::factory` says for the mode.
+//! [`Factory`]: uncalibrated, 250 kbit/s, set up as `device::factory` sets for the mode.
 
 use device::calibration::motor::{MOTOR, TableSettings};
 use device::channel::Setup;

@@ -2,7 +2,7 @@
 //!
 //! In: where an operation is to go, and the slot of the program that asks. Out: nothing, or why
 //! not. The bootloader is never written, and of the running slot only the marks in its header,
-//! which say whether it is on trial: whatever goes wrong above, a program does not take away its
+//! which show whether it is on trial: whatever goes wrong above, a program does not take away its
 //! own ground.
 
 use embedded_storage::nor_flash::{NorFlashError, NorFlashErrorKind};

@@ -43,7 +43,7 @@ pub trait Image {
     fn background();
 }
 
-/// What a program linked with this map says of itself.
+/// What a program linked with this map states of itself.
 fn build(layout: &'static Layout) -> Build {
     Build {
         layout,

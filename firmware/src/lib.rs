@@ -1,7 +1,7 @@
 //! The instrument on its chip, an STM32F103: what stands between `device` and the registers.
 //!
 //! In: interrupts. Out: what `device` wants done, at the time it wants it. Modules of the root
-//! know no register and are tested on the host; `chip` is everything that does, and exists in the
+//! use no register and are tested on the host; `chip` is everything that does, and exists in the
 //! linked images only, as what uses it does: `image`, `board_node`, `self_check`, `new_program`.
 //! The binaries are `boot` and `app`, the product's, and `boot-paper` and `app-paper`, those of the
 //! paper's instrument on the paper's part.

@@ -86,7 +86,7 @@ impl SelfCheck {
     pub fn new(layout: &'static Layout) -> Self {
         let slot = layout.slot(running_slot(layout)).unwrap_or(layout.a);
         let found = header(&mut Fed(layout), slot, layout.hardware);
-        // Without a header that fits, nobody knows what should be there.
+        // Without a header that fits, it is not known what should be there.
         FAILED.store(found.is_err(), Ordering::Relaxed);
         Self {
             layout,

@@ -18,7 +18,7 @@ pub const LATEST_US: u16 = 60_000;
 
 /// Joins a count with the overflows before it.
 ///
-/// `pending` is asked for right after the count, and says that an overflow has happened that
+/// `pending` is asked for right after the count, and shows that an overflow has happened that
 /// `overflows` does not hold. Up to [`LATEST_US`] the count was taken after that one. A larger one
 /// was taken before it: it came between the two looks.
 pub const fn join(overflows: u32, pending: bool, count: u16) -> Instant {

@@ -139,7 +139,7 @@ mod tests {
     use super::*;
     use crate::nor::tests::bench;
 
-    /// A flash of one page that says yes and holds what it held.
+    /// A flash of one page that answers `Ok` and holds what it held.
     struct Deaf([u8; PAGE as usize]);
 
     impl ErrorType for Deaf {

@@ -31,7 +31,7 @@
 //! calibration: 0.15 s at 70 us for each half-word.
 //!
 //! Where a bit has gone bad in the bank in force, [`Banks::mount`] takes the bank before if that is
-//! still there, and says so ([`Banks::damaged`]). A bit that goes bad later stops the next
+//! still there, and reports it ([`Banks::damaged`]). A bit that goes bad later stops the next
 //! commit, so damage is not copied under a check sum that fits.
 //!
 //! Left out: what the bytes mean, and when to store.
@@ -249,7 +249,7 @@ impl Banks {
     /// Makes the bank that is not in force ready for a store, one step for each call: a page of
     /// the flash is erased. What is staged is forgotten.
     ///
-    /// Call it until it says [`Progress::Done`], outside of OPERATIONAL, since the processor
+    /// Call it until it returns [`Progress::Done`], outside of OPERATIONAL, since the processor
     /// stands still while a page is erased. Errors: any of [`AccessError`].
     pub fn prepare<F: NorFlash>(&mut self, flash: &mut F) -> Result<Progress, AccessError> {
         if self.left == 0 {
@@ -282,7 +282,7 @@ impl Banks {
             return Err(BankError::NeedsErase);
         }
         let other = self.other();
-        // This also says that the bank is not blank any more, whatever the records are.
+        // This also means that the bank is not blank any more, whatever the records are.
         self.left = self.bank();
         let sequence = self.sequence.wrapping_add(1);
         let lost = self.damaged & !(1 << kind);
@@ -473,7 +473,7 @@ fn put<F: NorFlash>(flash: &mut F, at: u32, word: u16) -> Result<(), AccessError
     program(flash, at, &word.to_le_bytes())
 }
 
-/// What `bank` says of the length of `kind`, bytes.
+/// What `bank` holds as the length of `kind`, bytes.
 fn length<F: ReadNorFlash>(flash: &mut F, bank: u32, kind: u8) -> u32 {
     let held = word(flash, bank + LENGTHS + 2 * u32::from(kind));
     u32::from(held.wrapping_add(1))

@@ -1,6 +1,6 @@
 //! An image: its header, and whether header and body are whole.
 //!
-//! In: a slot of the flash, or bytes. Out: a [`Header`], or an [`ImageError`] that says what is
+//! In: a slot of the flash, or bytes. Out: a [`Header`], or an [`ImageError`] that names what is
 //! wrong. [`Check`] takes the body's check sum in pieces, so that a running application checks
 //! itself all the time without ever taking long (R9).
 //!
@@ -101,7 +101,7 @@ impl From<AccessError> for ImageError {
     }
 }
 
-/// What an image says of itself.
+/// What an image states of itself.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Header {
     /// How it is signed.
@@ -255,7 +255,7 @@ pub fn verify<F: ReadNorFlash>(
     }
 }
 
-/// What a [`Check`] knows after a step.
+/// What a [`Check`] has found after a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
     /// Not all of the body has been seen.

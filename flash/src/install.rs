@@ -217,7 +217,7 @@ impl Install {
         HEADER + body
     }
 
-    /// All bytes have come: whether they are what the header says.
+    /// All bytes have come: whether they are what the header states.
     ///
     /// Each was read back when it was programmed. Whether all of it still stands in the flash is
     /// for [`verify`](crate::image::verify) to find out, which takes its time.

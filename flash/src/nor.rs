@@ -122,7 +122,7 @@ impl Page {
         if place < HALF { first } else { second }
     }
 
-    /// The half of this number was erased, or as much of that as `cut` says.
+    /// The half of this number was erased, or as much of that as `cut` sets.
     fn erase_half(&mut self, half: usize, cut: Option<Torn>, draw: &mut impl Draw) {
         let bytes = self.bytes.chunks_mut(HALF).nth(half).unwrap_or_default();
         match cut {

@@ -13,18 +13,18 @@
 //! are stored anew first, as any record is stored.
 //!
 //! Storing erases nothing. [`Records::prepare`] makes room ahead, in steps of one erase or one
-//! record that is stored anew; [`Records::needs_erase`] says whether it has to. Enough pages stay
-//! in reserve for it, so a store that is admitted is never stuck later.
+//! record that is stored anew; [`Records::needs_erase`] returns whether it has to. Enough pages
+//! stay in reserve for it, so a store that is admitted is never stuck later.
 //!
 //! A cut costs the room of what was cut; `prepare` gets it back. A step programs the longest
 //! record at most: 3.1 kB take 0.11 s at 70 us for each half-word. An erase takes 40 ms at most
 //! (STM32F103xC/xD/xE data sheet, 5.3.9), and twice that where a [`PAGE`] is two of the chip's.
 //!
 //! One page of the ring and the length of the longest record are always kept back, so a ring of
-//! two pages takes nothing; [`layout`](crate::layout) says what each part has room for.
+//! two pages takes nothing; [`layout`](crate::layout) lists what each part has room for.
 //!
 //! Where a bit of the last version has gone bad, [`Records::mount`] takes the version before if
-//! that is still there, and says so ([`Records::damaged`]); what lies behind it in its page is
+//! that is still there, and reports it ([`Records::damaged`]); what lies behind it in its page is
 //! found all the same.
 //!
 //! Chunks of an unknown kind, which a later program wrote, are passed over and lost when their page
@@ -234,7 +234,7 @@ impl<const KINDS: usize> Records<KINDS> {
 
     /// Makes room for a record of `length` bytes, one step for each call.
     ///
-    /// A step erases one page or stores one record anew. Call it until it says
+    /// A step erases one page or stores one record anew. Call it until it returns
     /// [`Progress::Done`](crate::Progress::Done), outside of OPERATIONAL, since the processor
     /// stands still while a page is erased. Errors: [`RecordError::Staged`], [`RecordError::Full`],
     /// [`RecordError::Damaged`] (once; then call again), [`RecordError::Access`].

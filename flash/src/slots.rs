@@ -15,7 +15,7 @@
 //!
 //! An activation is a generation (4 bytes) and the CRC-32 of "PLMG" and these bytes, little-endian.
 //! Every half-word of the marks is programmed once at most, and all are erased with the slot. The
-//! generation counts activations, so it says which of two confirmed images is newer, also after a
+//! generation counts activations, so it shows which of two confirmed images is newer, also after a
 //! permitted downgrade. One bit that goes bad does not confirm an image, takes at most one attempt
 //! away, and makes an activation void.
 //!
@@ -51,7 +51,7 @@
 //! | trial | any | newer, one attempt less |
 //! | spent, bad or idle | confirmed | older; "rolled back" behind a spent one |
 //! | spent, bad or idle | trial | older, one attempt less |
-//! | spent, bad or idle | spent, bad, idle or absent | none: [`NoStart`] says why |
+//! | spent, bad or idle | spent, bad, idle or absent | none: [`NoStart`] states why |
 //!
 //! A part with one slot gets its image and its marks ([`factory_marks`]) over the debug port.
 //!
@@ -82,7 +82,7 @@ const CONFIRMED_AT: u32 = ATTEMPTS_AT + 8;
 /// Bits that have to be 0 before an image counts as confirmed.
 const CONFIRMED_BITS: u32 = 16;
 
-/// What the marks of a slot say.
+/// What the marks of a slot hold.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Marks {
     /// The number of its activation; `None`: it was not activated.

@@ -231,7 +231,7 @@ class Twin:
             self._go(min(end_ns, now_ns + step_ns))
 
     def join(self, own: bool = False) -> Client:
-        """One more client, which gets every frame from now on; its own too where `own` says so."""
+        """One more client, which gets every frame from now on; its own too where `own` is true."""
         client = Client(self, self._numbers, own)
         self._numbers += 1
         self._clients.add(client)

@@ -65,7 +65,7 @@ const fn words(why: DecodeError) -> &'static str {
         DecodeError::Version => "they are of a later version than this program reads",
         DecodeError::Length => "their length is not the one that they state",
         DecodeError::CheckSum => "their check sum is wrong",
-        DecodeError::Kind => "they have a stage that this program does not know",
+        DecodeError::Kind => "they have a stage that is unknown to this program",
         DecodeError::Knots => "the temperatures of their model do not rise",
         DecodeError::Table(..) => "the points of an axis are no table",
         DecodeError::Matrix => "their matrix confuses two directions",

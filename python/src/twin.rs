@@ -1,6 +1,6 @@
 //! The virtual instrument in a Python test.
 //!
-//! In: the words of the command line that say what is built, words of `plumb serve`, frames of
+//! In: the words of the command line that set what is built, words of `plumb serve`, frames of
 //! clients, and times in ns. Out: frames with their times. It may be used from several threads, one
 //! call after the other.
 //!
@@ -37,6 +37,9 @@ type Sent = (u32, bool, bool, usize, Vec<u8>);
 
 /// Something to do with the instrument.
 type Job = Box<dyn FnOnce(&mut Twin) + Send>;
+
+/// Virtual time between two looks for a signal, ns: some milliseconds of the machine.
+const PIECE_NS: u64 = 1_000_000_000;
 
 /// The virtual instrument; time stands still between two calls.
 ///
@@ -89,12 +92,19 @@ impl World {
         })
     }
 
-    /// Goes on to this time, ns.
+    /// Goes on to this time, ns; a signal is handled after each piece of it.
     fn run_until(&self, py: Python<'_>, until_ns: u64) -> PyResult<()> {
-        let done = self.ask(py, move |twin| {
-            twin.run_until(until_ns).map_err(|why| why.to_string())
-        });
-        done?.map_err(said)
+        loop {
+            let done = self.ask(py, move |twin| {
+                let piece_ns = until_ns.min(twin.now_ns().saturating_add(PIECE_NS));
+                let done = twin.run_until(piece_ns).map_err(|why| why.to_string());
+                done.map(|()| piece_ns == until_ns)
+            });
+            if done?.map_err(said)? {
+                return Ok(());
+            }
+            py.check_signals()?;
+        }
     }
 
     /// What was on the bus since the last call.

@@ -199,7 +199,7 @@ def test_other_threads_go_on_while_a_log_is_read(tmp_path: pathlib.Path) -> None
 
 
 # Reads a log batch by batch; the rows, and how much memory the process has had at most, kB. What
-# getrusage says would be at least what the process that has started this one has.
+# getrusage reports would be at least what the process that has started this one has.
 READER = """
 import pathlib, re, sys, plumb
 rows = sum(batch.num_rows for batch in plumb.decode(sys.argv[1]))

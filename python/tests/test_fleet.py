@@ -656,6 +656,13 @@ def test_a_folder_of_another_format_is_refused_and_left_as_it_is(
         query(out, "faults")
 
 
+def test_a_folder_of_results_that_is_not_utf_8_ended_in_a_traceback(tmp_path: pathlib.Path) -> None:
+    out = os.fsdecode(os.fsencode(tmp_path / "out") + b"\xff")
+    with pytest.raises(FleetError, match=r"out\\udcff is not UTF-8: give the results a folder"):
+        run(tree(tmp_path / "logs", 1, 1), out)
+    assert not os.path.exists(out)
+
+
 def test_odd_names_and_files_that_are_none_stop_nothing(tmp_path: pathlib.Path) -> None:
     root, long = tmp_path / "logs", "ö" * 120
     put(root / "m1/2026-11-20.log", text("2026-11-20"))

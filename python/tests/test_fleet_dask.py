@@ -198,6 +198,7 @@ BAD = [
     (["{root}/logs", "--scheduler", "nonsense"], no_manifest, "is no address of a Dask"),
     (["{root}/logs", "--scheduler", ""], no_manifest, "'' is no address of a Dask"),
     (["{root}/logs", "--workers", "0"], no_manifest, "0 workers"),
+    (["{root}/logs", "--workers", "99999999999"], no_manifest, "are more than one machine takes"),
     (["{root}/logs", "--nodes", "one"], no_manifest, "is no list of node-ids"),
     (["{root}/logs", "--nodes", "1"], no_manifest, "each instrument has two nodes"),
     (["{root}/logs", "--nodes", "1,200"], no_manifest, "200 is no node-id: give 1 to 127"),

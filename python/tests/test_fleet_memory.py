@@ -142,19 +142,19 @@ def test_a_run_without_room_for_its_temporary_file_is_told(
     assert not (tmp_path / "out").exists()
 
 
-def test_an_interrupted_run_says_nothing_of_its_temporary_file(
+def test_an_interrupted_run_reports_nothing_of_its_temporary_file(
     tmp_path: pathlib.Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def interrupt(stage: str, *_: float) -> None:
         if stage == "merging":
             raise KeyboardInterrupt
 
-    said: list[object] = []
-    monkeypatch.setattr(sys, "unraisablehook", said.append)
+    reported: list[object] = []
+    monkeypatch.setattr(sys, "unraisablehook", reported.append)
     with pytest.raises(KeyboardInterrupt):
         run(tree(tmp_path / "logs", 2, 2), tmp_path / "out", workers=1, progress=interrupt)
     gc.collect()
-    assert not said
+    assert not reported
 
 
 def test_letters_with_a_meaning_in_patterns_may_be_in_the_folder(tmp_path: pathlib.Path) -> None:

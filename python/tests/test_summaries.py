@@ -39,7 +39,7 @@ def summaries(logs: list[pathlib.Path]) -> list[bytes]:
 
 
 def data(folder: pathlib.Path) -> dict[str, object]:
-    """The report without what it says of the files."""
+    """The report without what it has of the files."""
     report = json.loads((folder / "report.json").read_text())
     report.pop("logs")
     return report

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import signal
 import time
 
 import can
 import numpy as np
 import pytest
-from conftest import START_ALL
+from conftest import START_ALL, interrupted
 
 import plumb
 from plumb.bus import TwinBus
@@ -29,6 +30,19 @@ def test_the_same_seed_gives_the_same_frames() -> None:
         return twin.run(2.0)
 
     assert frames(1) == frames(1) != frames(2)
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGALRM"), reason="there is no such signal")
+def test_ctrl_c_waited_for_the_end_of_a_run() -> None:
+    twin, whole = (plumb.Twin(seed=1, calibrated=False) for _ in range(2))
+    for each in (twin, whole):
+        each.send(*START_ALL)
+    with interrupted(0.3):
+        twin.run(1e6)
+    # Nothing is lost of what was on the bus until then, and it goes on from there.
+    assert 1.0 <= twin.now_s < 1e5
+    end_s = twin.now_s + 0.5
+    assert twin.run_until(end_s) == whole.run_until(end_s)
 
 
 def test_a_fault_is_told_and_healed_in_milliseconds() -> None:

@@ -3,7 +3,7 @@
 //! In: one seed. Out: criterion's figures for one second of virtual time with both nodes sampling,
 //! compared 50 times, at 400 Hz (product) and at 50 Hz (paper); throughput in samples of the two
 //! parts together. The same with two whole devices on a 50 Hz bus, where the throughput is in
-//! seconds of virtual time, so "4 Kelem/s" is 4000 times real time; a line before it says the same
+//! seconds of virtual time, so "4 Kelem/s" is 4000 times real time; a line before it has the same
 //! of one longer run. The arm by itself and the rig's commissioning stand beside them.
 
 mod dig;

@@ -1,4 +1,4 @@
-//! As many seconds of two product nodes on a 50 Hz bus as the argument says, for counting
+//! As many seconds of two product nodes on a 50 Hz bus as the argument gives, for counting
 //! instructions and for comparing two versions of the world.
 //!
 //! In: a number. Out: a line with the seconds, the frames on the bus, its fingerprint, and how much

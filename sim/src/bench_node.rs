@@ -1,6 +1,6 @@
 //! A channel with a check of its own, joined without a bus: what the bench and the recordings need.
 //!
-//! In: the part's samples, and what the peer says of the same instant. Out: readings and verdicts.
+//! In: the part's samples, and the peer's report of the same instant. Out: readings and verdicts.
 //! Left out: the bus, which has [`Device`](device::device::Device).
 
 use device::channel::{Channel, Settings};
@@ -51,12 +51,12 @@ impl<P: Part> BenchNode<P> {
         self.channel.reading(settings, now)
     }
 
-    /// All that this node's channel says at `now`, the instant of SYNC.
+    /// All that this node's channel reports at `now`, the instant of SYNC.
     pub fn observe(&mut self, settings: &Settings, now: Instant) -> Observation {
         self.channel.observe(settings, now)
     }
 
-    /// Judges what this node says against what the peer says of the same instant.
+    /// Judges what this node reports against what the peer reports of the same instant.
     pub fn judge(
         &mut self,
         own: impl Into<Observation>,

@@ -73,7 +73,7 @@ struct Sensor {
 /// A data-ready edge; times of the world, s.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Edge {
-    /// When the code gets to know of it.
+    /// When the code gets it.
     pub at_s: f64,
     /// When it came and its sample was taken: the time stamp. The same, unless samples are late.
     pub captured_s: f64,

@@ -65,7 +65,7 @@ impl Side {
         } = self;
         electronics.run_waiting(|mut delay, now| {
             // A part that does not answer leaves the channel invalid with its reason; that is
-            // what the readings then say, so there is nothing more to do with the error here.
+            // what the readings then give, so there is nothing more to do with the error here.
             let _ = node.start(settings, &mut delay, now);
             *next_poll = now;
         });

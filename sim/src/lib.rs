@@ -4,7 +4,7 @@
 //! is no wall clock and no thread in a world, so the same seed gives the same bits; many worlds
 //! may run side by side.
 //!
-//! The world moves in ticks of 1 ms. On each tick a [`motion::Mover`] says what the housing feels,
+//! The world moves in ticks of 1 ms. On each tick a [`motion::Mover`] gives what the housing feels,
 //! each part filters that with its own analogue low-pass, samples it by its own clock, adds its
 //! errors ([`error_model`]), and raises data-ready; then the device code reads it over SPI from a
 //! register-level model ([`lis2dw12`]; [`ism330dhcx`] is the part with a gyroscope). [`instrument`]

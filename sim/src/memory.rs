@@ -3,8 +3,8 @@
 //! In: the device's own calls. Out: a [`Memory`] over [`Nor`], the model of a flash that refuses
 //! what the chip refuses and can be cut in the middle of any operation. It comes from the factory
 //! with a confirmed image in slot A, of which the simulation runs no code: every node runs this
-//! host's. The image says which version it shows. How long each erase takes is drawn, and kept for
-//! whoever lets the node stand still for it.
+//! host's. The image has the version that is shown. How long each erase takes is drawn, and kept
+//! for whoever lets the node stand still for it.
 //!
 //! Left out: the time that programs take.
 
@@ -106,7 +106,7 @@ fn pair(seed: &[u8; 32]) -> KeyPair {
     KeyPair::from_seed(Seed::new(*seed))
 }
 
-/// Signs the file of one image with the secret key `seed`: its header says so from then on.
+/// Signs the file of one image with the secret key `seed`: its header states it from then on.
 ///
 /// # Panics
 /// When it does not begin with a header.
@@ -124,7 +124,7 @@ pub fn sign(file: &mut [u8], seed: &[u8; 32]) {
     file[SIGNATURE_AT as usize..][..SIGNATURE].copy_from_slice(&*signature);
 }
 
-/// What the image that was started does, which its body says: the simulation runs none of it.
+/// What the image that was started does, which its body sets: the simulation runs none of it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Program {
     /// It works.
@@ -159,7 +159,7 @@ pub fn boot(memory: &mut Memory) -> Option<Program> {
 pub struct Chip {
     nor: Nor<Vec<Page>, Bits>,
     broken: bool,
-    /// What says how long erases take.
+    /// What sets how long erases take.
     pace: Rng,
     /// Time of the erases that nobody has asked for yet, ns.
     erase_ns: u64,

@@ -177,7 +177,7 @@ mod tests {
     }
 
     #[test]
-    fn an_unstable_supply_sags_and_breaks_down_as_long_as_it_says() {
+    fn an_unstable_supply_sags_and_breaks_down_within_its_times() {
         let mut supply = Supply::unstable(0.0, &mut Rng::stream(1, "supply"));
         let [good, sag, brown_out] = events(&mut supply, 0);
         assert!(good.iter().all(|n| (1999..=20_001).contains(n)));

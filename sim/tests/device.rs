@@ -1,5 +1,5 @@
 //! The device in its world: what goes wrong with a part, its bus and its supply, and what the
-//! channel says about it.
+//! channel reports of it.
 //!
 //! In: perfect or nominal parts in a started instrument, and one fault at a time. Out: the reason
 //! that the reading gives and how soon. The times are those a machine's controller has to plan
@@ -54,7 +54,7 @@ fn until(
     None
 }
 
-fn says(node: usize, reason: Invalid) -> impl Fn(&Pair) -> bool {
+fn invalid(node: usize, reason: Invalid) -> impl Fn(&Pair) -> bool {
     move |pair| pair.readings[node].x == Err(reason) && pair.readings[node].y == Err(reason)
 }
 
@@ -102,12 +102,15 @@ fn a_brown_out_is_seen_within_a_quarter_second_and_cured_by_a_start_only() {
                 1.0 + 0.013 * f64::from(phase),
             );
             brown_out(&instrument, 1);
-            let (after_s, _) = until(&mut instrument, 0.25, says(1, Invalid::PartReset))
+            let (after_s, _) = until(&mut instrument, 0.25, invalid(1, Invalid::PartReset))
                 .unwrap_or_else(|| panic!("{mode:?}, phase {phase}: {:?}", instrument.sync()));
             assert!(after_s > 0.0199, "it boots for 20 ms: {after_s}");
             assert!(instrument.sync().readings[0].x.is_ok(), "the other goes on");
             run(&mut instrument, &mut level(), 5.0);
-            assert!(says(1, Invalid::PartReset)(&instrument.sync()), "latched");
+            assert!(
+                invalid(1, Invalid::PartReset)(&instrument.sync()),
+                "latched"
+            );
             instrument.start();
             run(&mut instrument, &mut level(), 1.0);
             assert!(instrument.sync().readings[1].x.is_ok(), "cured");
@@ -155,7 +158,7 @@ fn a_dead_bus_is_named_at_the_next_sample_and_a_dead_wire_within_a_quarter_secon
             .chip()
             .borrow_mut()
             .set_fault(Some(fault));
-        let seen = until(&mut instrument, within_s, says(0, Invalid::Bus));
+        let seen = until(&mut instrument, within_s, invalid(0, Invalid::Bus));
         let (_, pair) = seen.unwrap_or_else(|| panic!("{fault:?}"));
         let blamed = Judgement::OneChannel {
             faulty: Member::Own,
@@ -164,7 +167,7 @@ fn a_dead_bus_is_named_at_the_next_sample_and_a_dead_wire_within_a_quarter_secon
         assert_eq!(pair.verdict.judgement(), blamed);
         instrument.sides[0].chip().borrow_mut().set_fault(None);
         run(&mut instrument, &mut level(), 2.0);
-        assert!(says(0, Invalid::Bus)(&instrument.sync()), "latched");
+        assert!(invalid(0, Invalid::Bus)(&instrument.sync()), "latched");
         instrument.start();
         run(&mut instrument, &mut level(), 1.0);
         assert!(instrument.sync().readings[0].x.is_ok());
@@ -205,7 +208,7 @@ fn an_upset_register_is_seen_within_0_11_s() {
             );
             let chip = Rc::clone(instrument.sides[0].chip());
             chip.borrow_mut().upset(CTRL6, value);
-            let seen = until(&mut instrument, 0.11, says(0, Invalid::PartReset));
+            let seen = until(&mut instrument, 0.11, invalid(0, Invalid::PartReset));
             assert!(seen.is_some(), "{value:#04x}, phase {phase}");
         }
     }
@@ -289,7 +292,7 @@ fn a_stuck_data_ready_makes_the_channel_stale_and_is_not_latched() {
 }
 
 #[test]
-fn a_channel_that_was_never_started_says_so() {
+fn a_channel_that_was_never_started_is_invalid() {
     let chip = Rc::new(RefCell::new(Chip::new(Traits::TYPICAL)));
     let settings = Mode::Product.settings();
     let mut node = BenchNode::new(Lis2dw12::new(SpiPort::new(chip)), CrossCheck::product());
@@ -391,7 +394,7 @@ fn a_shock_beyond_the_range_takes_the_reading_away_and_gives_it_back() {
     push.on = true;
     run(&mut instrument, &mut push, 0.02);
     let pair = instrument.sync();
-    assert!(says(0, Invalid::OverRange)(&pair) && says(1, Invalid::OverRange)(&pair));
+    assert!(invalid(0, Invalid::OverRange)(&pair) && invalid(1, Invalid::OverRange)(&pair));
     let waits = Judgement::Waiting(Invalid::OverRange);
     assert_eq!(pair.verdict.judgement(), waits, "it accuses nobody");
     push.on = false;

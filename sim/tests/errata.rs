@@ -1,8 +1,8 @@
 //! What the cross-check sees and what it cannot: errata E8 to E11 and E16, and rule R13 in the
 //! world.
 //!
-//! In: perfect parts, so that nothing but the point in question differs, unless a test says
-//! otherwise. Perfect parts need no calibration: the identity is exact for the product's chain,
+//! In: perfect parts, so that nothing but the point in question differs, unless a test has
+//! others. Perfect parts need no calibration: the identity is exact for the product's chain,
 //! and paper mode gets a table of sines read by the linear rule, since the nearest rule's steps of
 //! 1 deg would mask noise and skew of tenths.
 
@@ -373,7 +373,7 @@ fn r13_a_late_peer_stops_the_work_for_45_s_and_resumes() {
     assert_eq!(
         site.warnings_in(120.0),
         0,
-        "in time there is nothing to say"
+        "in time there is nothing to report"
     );
     site.delay = 10;
     let moving_s = site.until(Judgement::StopMotion, 60.0).expect("a stop");

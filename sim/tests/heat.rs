@@ -37,7 +37,7 @@ impl Channel {
             white_noise: 0.0,
             flicker_ug: 0.0,
             thermometer_noise_c: 0.0,
-            // Which the fit below does not know.
+            // For which the fit below has no terms.
             quadratic_mg_per_g2: 0.0,
             cubic_mg_per_g3: 0.0,
             ..ErrorModel::NOMINAL

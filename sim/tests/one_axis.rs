@@ -1,6 +1,6 @@
 //! A one-axis instrument of 360 deg on its bus, turned about its axis and tilted across it.
 //!
-//! In: calibrated pairs, poses. Out: what the pair says of itself where nothing is wrong.
+//! In: calibrated pairs, poses. Out: what the pair reports of itself where nothing is wrong.
 
 use std::sync::LazyLock;
 
@@ -86,7 +86,7 @@ impl Site {
     }
 
     /// State, differences and slope X of both.
-    fn says(&self) -> String {
+    fn summary(&self) -> String {
         let of = |number: usize| {
             let shown = self.network.shown(number);
             let slope = shown.slope(0).map(tilt::angle::Angle::degrees);
@@ -119,12 +119,19 @@ fn a_one_axis_pair_that_was_tilted_across_accused_itself() {
             site.go(pitch, 0.0);
             site.start();
             site.syncs(300);
-            assert!(site.agrees(), "unit {unit} at {pitch} deg: {}", site.says());
+            assert!(
+                site.agrees(),
+                "unit {unit} at {pitch} deg: {}",
+                site.summary()
+            );
             for roll in [30.0, f64::abs(pitch) - 80.0] {
                 site.go(pitch, roll);
                 site.syncs(150);
-                let says = site.says();
-                assert!(site.agrees(), "unit {unit} at {pitch}, {roll} deg: {says}");
+                let summary = site.summary();
+                assert!(
+                    site.agrees(),
+                    "unit {unit} at {pitch}, {roll} deg: {summary}"
+                );
             }
         }
     }
@@ -135,14 +142,19 @@ fn what_is_left_to_one_axis_finds_an_offset_and_names_nobody() {
     let mut site = Site::new(0);
     site.start();
     site.syncs(150);
-    assert!(site.agrees(), "{}", site.says());
+    assert!(site.agrees(), "{}", site.summary());
     let bias = SensorFault::Bias { axis: 0, mg: 20.0 };
     let electronics = &mut site.network.node(1).electronics;
     electronics.inject(bias, Rng::stream(1, "bias"));
     site.syncs(50);
     for number in [0, 1] {
         let shown = site.network.shown(number);
-        assert_eq!((shown.state(), shown.blame().0), (6, 0), "{}", site.says());
+        assert_eq!(
+            (shown.state(), shown.blame().0),
+            (6, 0),
+            "{}",
+            site.summary()
+        );
     }
 }
 
@@ -154,7 +166,7 @@ fn a_full_turn_is_within_the_range_and_agreed_upon() {
         site.go(0.0, roll);
         for _ in 0..100 {
             site.syncs(1);
-            assert!(site.agrees(), "{roll} deg: {}", site.says());
+            assert!(site.agrees(), "{roll} deg: {}", site.summary());
         }
         let slope = site.network.shown(0).slope(0).expect("an angle");
         let off = slope

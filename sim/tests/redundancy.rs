@@ -35,7 +35,7 @@ fn on(scene: Scene, seed: u64) -> Setup {
     }
 }
 
-/// What both channels say of a fault that lasts for `length_s`.
+/// What both channels report of a fault that lasts for `length_s`.
 struct Outcome {
     report: Report,
     emergencies: Vec<(usize, Emergency)>,
@@ -267,14 +267,14 @@ fn frames_of_before_a_flood_went_out_after_it() {
             ..on(Scene::Digging, seed)
         };
         let mut slopes = 0;
-        // A safety frame knows no SYNC: it is up to 35 ms older than the angle of a TPDO.
+        // A safety frame is sent without a SYNC: it is up to 35 ms older than the angle of a TPDO.
         let mut lately = std::collections::VecDeque::new();
         let report = run(&setup, &pool, |seen| {
             let after_s = seen.event.at_ns() as f64 * 1e-9 - until_s;
-            let Some(truth) = seen.truth.filter(|_| after_s > -0.1) else {
+            let Some(truth) = seen.truth_deg.filter(|_| after_s > -0.1) else {
                 return;
             };
-            lately.push_back((after_s, truth.ideal_deg));
+            lately.push_back((after_s, truth));
             lately.retain(|(at_s, _)| after_s - at_s < 0.035);
             let Some((by, message)) = seen.message.filter(|_| (0.0..0.1).contains(&after_s)) else {
                 return;
@@ -290,7 +290,7 @@ fn frames_of_before_a_flood_went_out_after_it() {
                 }
                 Message::Slopes(told) => {
                     slopes += 1;
-                    right(told.deg, truth.ideal_deg)
+                    right(told.deg, truth)
                 }
                 _ => return,
             };

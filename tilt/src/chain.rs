@@ -70,7 +70,7 @@ pub enum Invalid {
     Silent,
     /// What has come from the channel belongs to the past.
     Late,
-    /// The channels differ and nobody knows which is right.
+    /// The channels differ and it is not known which is right.
     Refused,
     /// The other channel has not been heard yet.
     Unconfirmed,
@@ -139,7 +139,7 @@ pub struct Measurement {
     pub latency_us: u32,
 }
 
-/// What one channel says at one instant.
+/// What one channel reports at one instant.
 pub type Reading = Axes<Result<Measurement, Invalid>>;
 
 /// What the chain estimates behind the low-pass, without time.
@@ -454,7 +454,7 @@ impl<C: Composition> Chain<C> {
         (samples * i64::from(state.period_q8) + (1 << 23)) >> 24
     }
 
-    /// The reading at `now`, belonging to the instant that [`Timing`] says.
+    /// The reading at `now`, belonging to the instant that [`Timing`] sets.
     pub fn reading(&self, state: &ChainState<C>, now: Instant) -> Reading {
         match self.fused_reading(state, now) {
             Some(fused) => fused,
@@ -663,7 +663,7 @@ const LEVEL_ACROSS: u32 = (ONE_G as u64 * 60 / 1000) as u32;
 /// What y adds to the angle of a turn in whose plane it has no place, as a standard uncertainty.
 ///
 /// The part lies in the housing to about a degree, and its axes in the part to half of one
-/// \[ASSUME\], so 2 % of y are in the plane, and no calibration by turning knows of them. Up to
+/// \[ASSUME\], so 2 % of y are in the plane, and no calibration by turning shows them. Up to
 /// [`LEVEL_ACROSS`] counts as none.
 fn across(vector: Corrected) -> Uncertainty {
     /// 2 % of a radian in steps of [`Angle`]: 2^32 / (2 pi) / 50.

@@ -1,7 +1,7 @@
 //! Two channels, one judgement: the only place where a [`Verdict`] is made.
 //!
-//! In: what both channels say of one instant. Out: a [`Verdict`] that carries both readings, their
-//! difference and what follows from it. Three checks, chosen by configuration:
+//! In: what both channels report of one instant. Out: a [`Verdict`] that carries both readings,
+//! their difference and what follows from it. Three checks, chosen by configuration:
 //!
 //! - [`paper`] is R12 and R13, exact at their boundaries.
 //! - [`window`] compares the two angles alone, which is all that a recording has.
@@ -67,7 +67,7 @@ pub enum Judgement {
     PhysicalFault,
     /// Product: they have differed for too long. Which of them is wrong is not known.
     Disagree,
-    /// Product: one channel is faulty and says why; the other still measures.
+    /// Product: one channel is faulty and reports why; the other still measures.
     OneChannel {
         /// The channel that is faulty.
         faulty: Member,
@@ -366,7 +366,7 @@ impl<C: Composition> CrossCheck<C> {
         }
     }
 
-    /// True for what lasts until a reset, or as long as the [`Latch`] says.
+    /// True for what lasts until a reset, or as long as the [`Latch`] sets.
     pub fn is_latched(&self) -> bool {
         match self {
             Self::Product(_, state, _) => state.get().findings().is_latched(),

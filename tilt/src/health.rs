@@ -104,7 +104,7 @@ struct HighPass {
 /// Energy above 150 Hz since the last look, against the unit's own noise.
 ///
 /// In eighths of an octave of energy (0.376 dB): 64 is the own noise, 72 twice its energy, 89
-/// three times its amplitude, 254 the most. 1 is the least, 2^-7.9; 0 says that there have
+/// three times its amplitude, 254 the most. 1 is the least, 2^-7.9; 0 means that there have
 /// been too few samples to judge by, 255 that some are missing.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Activity(pub u8);
@@ -192,7 +192,7 @@ impl Health {
         }
     }
 
-    /// Says that samples are missing before the next one: the high-pass starts anew, and the next
+    /// Marks that samples are missing before the next one: the high-pass starts anew, and the next
     /// eight samples add nothing to the activity.
     ///
     /// Repeats count on: a code is no likelier to come back after a gap than without one.
@@ -203,7 +203,7 @@ impl Health {
 
     /// Whether the codes have stood still for longer than a healthy part's ever do.
     ///
-    /// Holds until a code differs. A code at full scale says nothing: it is clipped, not stuck.
+    /// Holds until a code differs. A code at full scale shows nothing: it is clipped, not stuck.
     pub fn stuck(&self, state: &HealthState) -> bool {
         let [x, y, z] = &state.axes;
         if x.repeats | y.repeats | z.repeats < LEAST_REPEATS {

@@ -1,4 +1,4 @@
-//! What one channel says of one instant: its angles, and what stands behind them.
+//! What one channel reports of one instant: its angles, and what stands behind them.
 //!
 //! In: a [`Reading`] and, where the channel has them, the calibrated acceleration it came from, the
 //! signal's energy at high frequency, and how far the gyroscope has turned. Out: an
@@ -12,7 +12,7 @@ use crate::health::Activity;
 use crate::turned::Turned;
 use crate::vector::Corrected;
 
-/// What one channel says of one instant.
+/// What one channel reports of one instant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Observation {
     /// The angles, or the reasons why there are none.
@@ -27,7 +27,7 @@ pub struct Observation {
 }
 
 impl Observation {
-    /// A channel that says nothing, for this reason.
+    /// A channel that reports nothing, for this reason.
     pub const fn absent(reason: Invalid) -> Self {
         Self {
             reading: Axes {

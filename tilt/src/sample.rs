@@ -1,6 +1,6 @@
 //! What enters the chain: the sensor's counts, its temperature, and the time of capture.
 //!
-//! Everything here is what the part itself said, before any processing. Reading a part over a
+//! Everything here is what the part itself gave, before any processing. Reading a part over a
 //! bus is `device`'s business and does not appear here.
 
 use crate::motion::Rate;

@@ -15,7 +15,7 @@
 use crate::health::Activity;
 use crate::motion::Rate;
 
-/// What one channel's gyroscope says of one instant.
+/// What one channel's gyroscope reports of one instant.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Turned {
     /// The angle turned about each axis of the housing, by its own calibration, since some start;

@@ -17,7 +17,7 @@
 //! which copes with the steep and saturating ends), and the width of its step is added.
 //!
 //! Acceleration of the machine is no tilt (E15). What of it shows in the length of the vector is
-//! added; what does not show, no accelerometer can know, and the figure does not contain it.
+//! added; what does not show, no accelerometer can measure, and the figure does not contain it.
 
 use crate::ONE_G;
 use crate::angle::{Angle, Axes, hypot};
@@ -45,15 +45,15 @@ impl Uncertainty {
     }
 
     /// That of an angle of which nothing is known: 360 deg / sqrt(12).
-    pub const UNKNOWN: Self = Self(KNOWS_NOTHING);
+    pub const UNKNOWN: Self = Self(NOTHING_KNOWN);
 
     /// Root of the sum of two squares.
     pub fn combined_with(self, other: Self) -> Self {
         if other.0 == 0 {
             // The root of a square.
-            return Self(self.0.min(KNOWS_NOTHING));
+            return Self(self.0.min(NOTHING_KNOWN));
         }
-        Self(root_sum(self.0, other.0).min(KNOWS_NOTHING))
+        Self(root_sum(self.0, other.0).min(NOTHING_KNOWN))
     }
 }
 
@@ -203,10 +203,10 @@ fn square(value: u32) -> u64 {
 }
 
 /// Standard deviation of an angle of which nothing is known: 360 deg / sqrt(12), 103.9 deg.
-const KNOWS_NOTHING: u32 = 1_239_850_262;
+const NOTHING_KNOWN: u32 = 1_239_850_262;
 
 fn root(value: u64) -> Uncertainty {
-    Uncertainty(crate::root::root(value).min(KNOWS_NOTHING))
+    Uncertainty(crate::root::root(value).min(NOTHING_KNOWN))
 }
 
 impl Budget {
@@ -313,7 +313,7 @@ impl Budget {
         let accel = if folds(beside, accel) {
             root(square(accel).saturating_mul(2)).0
         } else {
-            accel.min(KNOWS_NOTHING)
+            accel.min(NOTHING_KNOWN)
         };
         let from_accel = accel_to_angle(accel);
         root(square(from_accel.0).saturating_add(self.systematic()))
@@ -388,7 +388,7 @@ const fn folds(beside: i32, accel: u32) -> bool {
 
 fn accel_to_angle(accel: u32) -> Uncertainty {
     let steps = (u64::from(accel) * STEPS_PER_ACCEL_Q16) >> 16;
-    Uncertainty(u32::try_from(steps).unwrap_or(u32::MAX).min(KNOWS_NOTHING))
+    Uncertainty(u32::try_from(steps).unwrap_or(u32::MAX).min(NOTHING_KNOWN))
 }
 
 /// How far `a` and `b` are apart, in [`Angle`] steps without sign.
@@ -452,7 +452,7 @@ mod tests {
         };
         assert!((u(0.0) - 0.0192).abs() < 0.001, "{}", u(0.0));
         assert!((u(80.0) - 0.11).abs() < 0.005, "{}", u(80.0));
-        // Linear propagation would say 1.1 deg at 89; the end of the table at 90 cuts it.
+        // Linear propagation would give 1.1 deg at 89; the end of the table at 90 cuts it.
         assert!(u(89.0) > 0.5 && u(89.0) < 1.1, "{}", u(89.0));
     }
 
@@ -504,13 +504,13 @@ mod tests {
                 assert_eq!(both.y, budget.of_vector(y, accel));
             }
         }
-        let alone = Uncertainty(KNOWS_NOTHING + 7).combined_with(Uncertainty(0));
-        assert_eq!(alone, Uncertainty(KNOWS_NOTHING));
+        let alone = Uncertainty(NOTHING_KNOWN + 7).combined_with(Uncertainty(0));
+        assert_eq!(alone, Uncertainty(NOTHING_KNOWN));
     }
 
     #[test]
     fn no_uncertainty_is_larger_than_knowing_nothing() {
-        let nothing = Uncertainty(KNOWS_NOTHING);
+        let nothing = Uncertainty(NOTHING_KNOWN);
         assert!((nothing.degrees() - 360.0 / 12f64.sqrt()).abs() < 1e-6);
         let shaken = Corrected {
             accel: [i32::MAX; 3],
@@ -561,7 +561,7 @@ mod tests {
                     span,
                     ..NOTHING
                 };
-                assert!(ends.map(|t| budget.accel(&LowPass::PAPER, t)) <= [KNOWS_NOTHING; 2]);
+                assert!(ends.map(|t| budget.accel(&LowPass::PAPER, t)) <= [NOTHING_KNOWN; 2]);
             }
         }
     }

@@ -37,7 +37,7 @@ pub enum AccuracyError {
     Stale(String),
     /// Rows of the document that are over their bound.
     NotKept(Vec<String>),
-    /// The document does not say which commit has printed it.
+    /// The document does not name the commit that has printed it.
     NoCommit,
 }
 
@@ -58,7 +58,10 @@ impl fmt::Display for AccuracyError {
                 writeln!(out, "{DOCUMENT} has bounds that are not kept:")?;
                 write!(out, "{}", rows.join("\n"))
             }
-            Self::NoCommit => write!(out, "{DOCUMENT} does not say which commit has printed it"),
+            Self::NoCommit => write!(
+                out,
+                "{DOCUMENT} does not name the commit that has printed it"
+            ),
         }
     }
 }
@@ -76,7 +79,7 @@ pub fn compare(workspace: &Workspace) -> Result<(), AccuracyError> {
     judge(&read(workspace, DOCUMENT)?)
 }
 
-/// Whether the document of all units keeps its bounds and says where it comes from.
+/// Whether the document of all units keeps its bounds and states where it comes from.
 fn judge(document: &str) -> Result<(), AccuracyError> {
     let rows = not_kept(document);
     if !rows.is_empty() {
@@ -186,7 +189,7 @@ fn words_of(hash: &str, is_changed: bool) -> String {
     format!("`{hash}`{changes}")
 }
 
-/// Whether a page says which commit has printed it.
+/// Whether a page names the commit that has printed it.
 fn names_commit(page: &str) -> bool {
     let behind = page.split_once(PRINTED).map(|(_, behind)| behind);
     let hash = behind.and_then(|behind| behind.split('`').next());
@@ -206,7 +209,7 @@ mod tests {
     }
 
     #[test]
-    fn a_page_that_did_not_say_which_commit_had_printed_it_passed() {
+    fn a_page_that_did_not_name_the_commit_that_had_printed_it_passed() {
         let page = |words: &str| format!("# Accuracy\n\nPrinted by the code of commit {words}.\n");
         assert!(judge(&page(&words_of("1d815905842a", false))).is_ok());
         assert!(judge(&page(&words_of("1d815905842a", true))).is_ok());

@@ -52,7 +52,7 @@ pub fn capture(mut command: Command) -> Result<String, CommandError> {
     ))
 }
 
-/// Whether a command runs and succeeds; says nothing of its own.
+/// Whether a command runs and succeeds; prints nothing of its own.
 pub fn succeeds(mut command: Command) -> bool {
     command.stdout(Stdio::null()).stderr(Stdio::null());
     command.status().is_ok_and(|status| status.success())

@@ -44,7 +44,7 @@ impl fmt::Display for EnvironmentError {
             ),
             Self::Packages(list) => write!(
                 out,
-                "the packages of {list} could not be installed (what pip says stands above); the \
+                "the packages of {list} could not be installed (pip's message stands above); the \
                  network is needed once, then never again"
             ),
             Self::File(path, error) => write!(out, "{}: {error}", path.display()),
@@ -80,7 +80,7 @@ pub fn python(
     Ok(python)
 }
 
-/// The Python of this machine: how to call it, and what it says it is.
+/// The Python of this machine: how to call it, and the version that it reports.
 fn system(workspace: &Workspace) -> Result<(&'static str, String), EnvironmentError> {
     let answers = PYTHONS.into_iter().filter_map(|name| {
         let found = command::succeeds(query(workspace, Path::new(name)));

@@ -1,7 +1,7 @@
 //! Why a step of the test command failed, in a sentence.
 //!
 //! In: the errors of the parts. Out: one type for all steps. Left out: what to do about it, which
-//! each step says itself.
+//! each step has itself.
 
 use std::path::PathBuf;
 use std::{fmt, io};
@@ -22,7 +22,7 @@ pub enum StepError {
     Command(CommandError),
     /// A part of the toolchain is missing and could not be added; what to type.
     Toolchain(&'static str, String),
-    /// No test ran at all, which means the run says nothing.
+    /// No test ran at all, which means the run shows nothing.
     NoTests,
     /// House rules are broken; how many times.
     Untidy(usize),

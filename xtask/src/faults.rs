@@ -3,7 +3,7 @@
 //! The generator is the example `faults` of `sim`. The whole page takes a quarter of an hour, so
 //! the tests repeat its last section only, in small numbers. That section has a fingerprint of
 //! everything that happened on its buses, and the rest of the page carries the same one: a page of
-//! an instrument that behaved otherwise fails, whatever its figures say.
+//! an instrument that behaved otherwise fails, whatever its figures are.
 
 use std::path::PathBuf;
 use std::process::Command;

@@ -127,7 +127,7 @@ fn rows(workspace: &Workspace, variables: &[(&str, &str)], binaries: Vec<Binary>
     })
 }
 
-/// Builds them, with the examples and tools, and keeps what cargo says of them.
+/// Builds them, with the examples and tools, and keeps what cargo reports of them.
 pub fn build(workspace: &Workspace) -> Result<(), CommandError> {
     let mut messages = String::new();
     command::watch(workspace.cargo(&BUILD), |line| {

@@ -33,7 +33,7 @@ pub enum InteropError {
     Image(ImageError),
     /// A file or folder could not be handled.
     File(PathBuf, io::Error),
-    /// No test ran at all, which means the run says nothing.
+    /// No test ran at all, which means the run shows nothing.
     NoTests,
 }
 
@@ -68,7 +68,7 @@ impl From<ImageError> for InteropError {
 }
 
 /// Files that the exact image on emulated boards is not asked to pass: they are about the program
-/// `plumb`, or about another instrument than the image is. Single tests say so by a mark.
+/// `plumb`, or about another instrument than the image is. Single tests have a mark.
 const NOT_EMULATED: [&str; 8] = [
     "test_calibration.py",
     "test_load.py",
@@ -81,7 +81,7 @@ const NOT_EMULATED: [&str; 8] = [
 ];
 
 /// Files that the paper's instrument is not asked to pass: they are about the product's judgement
-/// and its log, about the program `plumb`, or they name their mode. Single tests say so by a mark.
+/// and its log, about the program `plumb`, or they name their mode. Single tests have a mark.
 const NOT_PAPER: [&str; 11] = [
     "test_calibration.py",
     "test_load.py",
@@ -97,7 +97,7 @@ const NOT_PAPER: [&str; 11] = [
 ];
 
 /// Files that the exact image of the paper's instrument is asked to pass; single tests that need
-/// what only the product has say so by a mark.
+/// what only the product has have a mark.
 const PAPER_IMAGE_PASSES: [&str; 7] = [
     "test_calibration.py",
     "test_eds.py",
@@ -109,7 +109,7 @@ const PAPER_IMAGE_PASSES: [&str; 7] = [
 ];
 
 /// Files that the variant with a gyroscope passes: a master that was written for the product uses
-/// it unchanged, and its own data sheets are kept. What differs says so by a mark or by its mode.
+/// it unchanged, and its own data sheets are kept. What differs has a mark or names its mode.
 const DYNAMIC_PASSES: [&str; 10] = [
     "test_eds.py",
     "test_emcy.py",

@@ -1,4 +1,4 @@
-//! The project's own commands: what cargo alone cannot say.
+//! The project's own commands: what cargo alone cannot do.
 //!
 //! `cargo xtask test` is the one test command; the others are its parts and conveniences. In: a
 //! sub-command. Out: exit status 0 when all is well, 1 when something failed, 2 when the

@@ -4,7 +4,7 @@
 //!
 //! In: the workspace. Out: they are there, or one sentence with the line to type. They are
 //! installed where that needs no question answered: as root, or through `sudo` without a
-//! password, with Debian's tools. Without the browser its tests are skipped and say so.
+//! password, with Debian's tools. Without the browser its tests are skipped and print that.
 //!
 //! Left out: other package managers, whose users get the names in the sentence.
 
@@ -40,7 +40,7 @@ pub const TYPED_BROWSER: &str = "sudo apt-get install -y chromium chromium-drive
 
 /// Sees to it that the packages are there; false when they could not be installed.
 ///
-/// Errors: none of its own; what apt-get says goes through.
+/// Errors: none of its own; what apt-get prints goes through.
 pub fn provide(workspace: &Workspace) -> bool {
     if present(workspace) {
         return true;
@@ -110,7 +110,7 @@ fn matching(pattern: &str) -> Vec<PathBuf> {
 }
 
 fn install(workspace: &Workspace, names: [&str; 2]) -> Result<(), CommandError> {
-    // A machine that has never asked knows of no package; an old list is better than none.
+    // A machine that has never asked has no list of packages; an old list is better than none.
     let _ = apt(workspace, &["update", "-qq"]);
     let mut words = vec!["install", "-y", "-qq", "--no-install-recommends"];
     words.extend(names);

@@ -1,10 +1,10 @@
 //! Which steps make up the test command, in what order, and which of them run side by side.
 //!
-//! In: the workspace. Out: a heading and what it has to say for each step, then the steps with what
-//! they have cost, the most costly first, and the count of what passed; the first failure ends the
-//! run with a sentence that says what to do. First comes, one after another, what the rest needs.
-//! The rest runs side by side: a row that waits for buses in real time, and rows that compute with
-//! what the first one leaves.
+//! In: the workspace. Out: a heading and what it has to print for each step, then the steps with
+//! what they have cost, the most costly first, and the count of what passed; the first failure ends
+//! the run with a sentence that states what to do. First comes, one after another, what the rest
+//! needs. The rest runs side by side: a row that waits for buses in real time, and rows that
+//! compute with what the first one leaves.
 //!
 //! Left out: the steps themselves (`steps`), and their processes (`side_by_side`).
 
@@ -50,7 +50,7 @@ const SIDE_BY_SIDE: [Row; 3] = [
             &steps::FAULTS,
             &steps::SEEDS,
             &steps::SIZE,
-            &steps::IMAGE,
+            &steps::IMAGE_OF_TWO_FOLDERS,
             &steps::PROGRAM,
             &steps::PYTHON,
             &steps::DEMO,
@@ -141,7 +141,7 @@ fn side_by_side(workspace: &Workspace, run: &mut Run) -> bool {
         .iter()
         .map(|row| row.steps.len())
         .sum::<usize>();
-    println!("{count} steps side by side; what each has to say stands here when it has ended");
+    println!("{count} steps side by side; the output of each stands here when it has ended");
     let ended = side_by_side::run(workspace, &SIDE_BY_SIDE, &mut run.tally, &mut run.costs);
     ended.unwrap_or_else(|error| {
         eprintln!("failed: steps side by side could not be started ({error})");

@@ -5,15 +5,28 @@
 
 use std::path::Path;
 use std::process::Command;
+use std::thread;
 
 use crate::command::{self, CommandError, Tally};
 use crate::workspace::Workspace;
+
+/// Processes beyond which a run gets no shorter: its longest file takes more than a quarter of it.
+const MOST_PROCESSES: usize = 4;
 
 /// Pytest on a file or a folder of tests, which leaves nothing in the checkout.
 pub fn command(workspace: &Workspace, python: &Path, tests: &str) -> Command {
     let words = ["-m", "pytest", "-q", "-p", "no:cacheprovider", tests];
     let mut pytest = workspace.program(&python.to_string_lossy(), &words);
     pytest.env("PYTHONDONTWRITEBYTECODE", "1");
+    pytest
+}
+
+/// The same with the files of a folder side by side, for which pytest-xdist has to be installed.
+pub fn side_by_side(workspace: &Workspace, python: &Path, tests: &str) -> Command {
+    let cores = thread::available_parallelism().map_or(1, usize::from);
+    let mut pytest = command(workspace, python, tests);
+    let processes = cores.min(MOST_PROCESSES).to_string();
+    pytest.args(["-n", &processes, "--dist", "loadfile"]);
     pytest
 }
 

@@ -25,7 +25,7 @@ const SPARK_REQUIREMENTS: &str = "python/spark-requirements.txt";
 /// The same for the wheel alone.
 const WHEEL_REQUIREMENTS: &str = "python/wheel-requirements.txt";
 
-/// What the package says of itself where it was laid out and not installed.
+/// What the package states of itself where it was laid out and not installed.
 const METADATA: &str = "Metadata-Version: 2.1\nName: plumb\nVersion: 0.0.0\n";
 
 /// By which python-can finds the virtual instrument, as `pyproject.toml` has it.
@@ -48,7 +48,7 @@ pub enum PythonError {
     Command(CommandError),
     /// A file or folder could not be handled.
     File(PathBuf, io::Error),
-    /// No test ran at all, which means the run says nothing.
+    /// No test ran at all, which means the run shows nothing.
     NoTests,
     /// Maturin has left no wheel, or several.
     NoWheel,
@@ -83,7 +83,8 @@ impl From<CommandError> for PythonError {
 /// The count stands in `tally` even when a test fails. Errors: see [`PythonError`].
 pub fn run(workspace: &Workspace, tally: &mut Tally) -> Result<(), PythonError> {
     let python = environment::python(workspace, REQUIREMENTS, "python-venv")?;
-    tests(workspace, &python, "python/tests", tally)
+    let tests = pytest::side_by_side(workspace, &python, "python/tests");
+    pass(workspace, tests, tally)
 }
 
 /// Runs the tests of the fleet on Spark, which needs Java, in an environment of their own.
@@ -91,7 +92,8 @@ pub fn run(workspace: &Workspace, tally: &mut Tally) -> Result<(), PythonError> 
 /// Errors: see [`PythonError`].
 pub fn spark(workspace: &Workspace, tally: &mut Tally) -> Result<(), PythonError> {
     let python = environment::python(workspace, SPARK_REQUIREMENTS, "spark-venv")?;
-    tests(workspace, &python, "python/tests/spark_fleet.py", tally)
+    let tests = pytest::command(workspace, &python, "python/tests/spark_fleet.py");
+    pass(workspace, tests, tally)
 }
 
 /// Measures the fleet and writes the last section of `docs/fleet.md`; logs and results stay in
@@ -119,14 +121,8 @@ fn equip(workspace: &Workspace, command: &mut Command) -> Result<(), PythonError
     Ok(())
 }
 
-/// Runs a file or a folder of tests on the package.
-fn tests(
-    workspace: &Workspace,
-    python: &Path,
-    which: &str,
-    tally: &mut Tally,
-) -> Result<(), PythonError> {
-    let mut tests = pytest::command(workspace, python, which);
+/// Runs tests on the package.
+fn pass(workspace: &Workspace, mut tests: Command, tally: &mut Tally) -> Result<(), PythonError> {
     equip(workspace, &mut tests)?;
     let (counted, last, outcome) = pytest::run(tests);
     println!("      {last}");

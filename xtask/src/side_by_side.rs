@@ -195,7 +195,7 @@ impl Shared<'_> {
     }
 }
 
-/// Starts a process as the first of a group, and gives what it says on both of its outputs.
+/// Starts a process as the first of a group, and gives what it prints on both of its outputs.
 fn spawn(mut command: Command) -> io::Result<(Child, io::PipeReader)> {
     let (reader, writer) = io::pipe()?;
     command
@@ -293,7 +293,7 @@ mod tests {
     }
 
     #[test]
-    fn what_steps_side_by_side_had_to_say_was_mixed() {
+    fn what_steps_side_by_side_had_to_print_was_mixed() {
         static ONE: Step = step("echo a; sleep 0.1; echo b >&2; sleep 0.1; echo c");
         static OTHER: Step = step("sleep 0.05; echo d >&2; sleep 0.1; echo e");
         static ROWS: [Row; 2] = [row(&[&ONE]), row(&[&OTHER])];

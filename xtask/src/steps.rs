@@ -1,6 +1,6 @@
 //! The steps of the test command, each a function that can also be called alone.
 //!
-//! In: the workspace. Out: what a step has to say, and the count of what passed. All steps share
+//! In: the workspace. Out: what a step has to print, and the count of what passed. All steps share
 //! one target directory and the same compiler flags, and what runs on the host is built once, by
 //! [`BUILD`], for all of them.
 //!
@@ -117,7 +117,7 @@ pub const CLIPPY: Step = Step {
 pub const BUILD: Step = Step {
     key: "build",
     name: "one build of tests, examples and tools",
-    advice: "what the compiler says stands above",
+    advice: "the messages of the compiler stand above",
     run: build,
 };
 
@@ -125,7 +125,7 @@ pub const BUILD: Step = Step {
 pub const EMULATED_IMAGES: Step = Step {
     key: "emulated-images",
     name: "images for emulated boards, once for all tests",
-    advice: "what the linker says stands above; `cargo xtask image` builds the same",
+    advice: "the messages of the linker stand above; `cargo xtask image` builds the same",
     run: build_emulated_images,
 };
 
@@ -185,7 +185,7 @@ pub const FEW_SEEDS: Step = Step {
     ..SEEDS
 };
 
-/// What rustdoc says.
+/// What rustdoc reports.
 pub const DOCUMENTATION: Step = Step {
     key: "documentation",
     name: "documentation, warnings denied",
@@ -245,7 +245,7 @@ pub const FLEET: Step = Step {
 pub const WHEEL: Step = Step {
     key: "wheel",
     name: "the wheel of the Python package, built, installed and called",
-    advice: "what maturin or pip says stands above",
+    advice: "the messages of maturin or pip stand above",
     run: check_wheel,
 };
 
@@ -302,8 +302,16 @@ pub const FAULTS_WRITE_LONG: Step = Step {
 pub const IMAGE: Step = Step {
     key: "image",
     name: "images of bootloader and application, within their budgets",
-    advice: "what the linker says stands above; a slot's size is in `flash::layout`",
+    advice: "the messages of the linker stand above; a slot's size is in `flash::layout`",
     run: build_images,
+};
+
+/// The same, and from another folder.
+pub const IMAGE_OF_TWO_FOLDERS: Step = Step {
+    key: "image-of-two-folders",
+    name: "images within their budgets, the same bytes from two folders",
+    advice: "the messages of the linker stand above; a path in an image is mapped in `chip`",
+    run: build_images_twice,
 };
 
 /// Measures the released program.
@@ -342,7 +350,7 @@ pub const SIZE_LISTED: Step = Step {
 pub const SIZE_INSTRUCTIONS: Step = Step {
     key: "size-instructions",
     name: "instructions of a sample and of a SYNC on the emulated chip",
-    advice: "what the emulator says stands above",
+    advice: "the messages of the emulator stand above",
     run: list_instructions,
 };
 
@@ -486,6 +494,10 @@ fn try_a_few_times(workspace: &Workspace, _: &mut Tally) -> Result<(), StepError
 
 fn build_images(workspace: &Workspace, _: &mut Tally) -> Result<(), StepError> {
     Ok(image::build(workspace)?)
+}
+
+fn build_images_twice(workspace: &Workspace, _: &mut Tally) -> Result<(), StepError> {
+    Ok(image::build_reproducibly(workspace)?)
 }
 
 fn check_program(workspace: &Workspace, _: &mut Tally) -> Result<(), StepError> {

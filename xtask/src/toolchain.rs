@@ -61,7 +61,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_missing_part_that_cannot_be_added_says_what_to_type() {
+    fn a_missing_part_that_cannot_be_added_gives_what_to_type() {
         let error = provide("a part", Command::new("plumb-no-such-program"), || false);
         let sentence = error.expect_err("it is never present").to_string();
         assert!(

@@ -37,7 +37,7 @@ impl Workspace {
     }
 
     /// Another checkout, with a target directory and a home of cargo that are its own.
-    #[cfg(all(test, unix))]
+    #[cfg(unix)]
     pub fn elsewhere(root: PathBuf, target: PathBuf, home: PathBuf) -> Self {
         Self {
             root,

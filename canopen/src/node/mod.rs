@@ -2,8 +2,8 @@
 //!
 //! In: every frame on the bus with the time of its end, the time, and the state of the CAN
 //! controller. Out: one frame at a time, the one that arbitration would let through first, made
-//! when the controller has room for it. Nothing queues up: each service holds what it has to say,
-//! so output is bounded and a new value replaces an old one that could not be sent.
+//! when the controller has room for it. Nothing queues up: each service holds what it has to
+//! send, so output is bounded and a new value replaces an old one that could not be sent.
 //!
 //! What the device itself has to do (measure at SYNC, reset, switch the bit rate) is told through
 //! [`Application::event`].
@@ -136,7 +136,7 @@ pub struct Node<T = [Tpdo; PDOS]> {
     /// Communication errors that are present: nodes not heard (0 to 3), guarding, bus.
     present: u8,
     overruns: u16,
-    /// Nothing has changed since the last [`Node::poll`], which said when there is more to do.
+    /// Nothing has changed since the last [`Node::poll`], which returned when there is more to do.
     settled: bool,
     next: Deadline,
     lss: Lss,
@@ -174,7 +174,7 @@ enum BootUp {
     Sent,
 }
 
-/// A service that has something to say.
+/// A service that has something to send.
 #[derive(Clone, Copy)]
 pub struct Waiting {
     /// The identifier of its frame.
@@ -187,7 +187,7 @@ pub struct Waiting {
 pub struct Outgoing {
     /// The frame.
     pub frame: Frame,
-    /// From when on it may not go out any more, as [`Node::expires`] says; `None`: at any time.
+    /// From when on it may not go out any more, as [`Node::expires`] returns; `None`: at any time.
     pub until: Option<Instant>,
 }
 
@@ -292,7 +292,7 @@ impl<T: Tpdos> Node<T> {
         self.node_id = self.lss.take_node_id();
         self.communication.clear();
         self.boot_up = BootUp::Due;
-        // What the controller says of the bus holds until it says otherwise.
+        // What the controller reports of the bus holds until it reports otherwise.
         self.present &= PASSIVE | OFF;
         self.bring_back(app, &[Group::Communication]);
         let dictionary = app.dictionary();
@@ -425,7 +425,7 @@ impl<T: Tpdos> Node<T> {
             Some(Received::TooShort(rpdo)) => self.emergency(0x8210, [rpdo + 1, 0, 0, 0, 0]),
             Some(Received::TooLong(rpdo)) => self.emergency(0x8220, [rpdo + 1, 0, 0, 0, 0]),
             // What a master may not write by SDO it may not write by PDO either, but nobody
-            // waits for an answer; the message says at least whose data were not taken.
+            // waits for an answer; the message names at least whose data were not taken.
             Some(Received::Refused(rpdo)) => self.emergency(0x8200, [rpdo + 1, 0, 0, 0, 0]),
             Some(Received::Waiting) | Some(Received::Requested) => {}
             None => return false,
@@ -593,7 +593,7 @@ impl<T: Tpdos> Node<T> {
         self.communication.emergency.clear(register, detail);
     }
 
-    /// What the CAN controller says of itself. Bus-off recovery is the device's to ask for; the
+    /// What the CAN controller reports of itself. Bus-off recovery is the device's to ask for; the
     /// frames that the controller had then are to be thrown away.
     pub fn bus_state<A: Application>(&mut self, app: &mut A, state: BusState, now: Instant) {
         let before = core::mem::replace(&mut self.bus, state);

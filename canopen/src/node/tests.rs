@@ -1,4 +1,4 @@
-//! The node as a whole, by conversations: what a master says, and what it hears.
+//! The node as a whole, by conversations: what a master sends, and what it receives.
 
 extern crate std;
 
@@ -54,7 +54,7 @@ impl Bench {
     /// PRE-OPERATIONAL, boot-up sent.
     fn new() -> Self {
         let mut bench = Self::booting();
-        assert_eq!(bench.says(), [spoken(0x705, &[0])]);
+        assert_eq!(bench.sent(), [spoken(0x705, &[0])]);
         bench.plant.events.clear();
         bench
     }
@@ -88,7 +88,7 @@ impl Bench {
     }
 
     /// Everything that goes out now, each frame acknowledged by the bus.
-    fn says(&mut self) -> Vec<Spoken> {
+    fn sent(&mut self) -> Vec<Spoken> {
         self.node.poll(&mut self.plant, self.now);
         let mut frames = Vec::new();
         while let Some(frame) = self.node.transmit(&mut self.plant, self.now) {
@@ -104,7 +104,7 @@ impl Bench {
         let mut frames = Vec::new();
         for _ in 0..ms {
             self.now = self.now.after_ms(1);
-            frames.extend(self.says());
+            frames.extend(self.sent());
         }
         frames
     }
@@ -112,7 +112,7 @@ impl Bench {
     /// One SDO request; the answer's eight bytes.
     fn sdo(&mut self, request: [u8; 8]) -> Option<[u8; 8]> {
         self.hears(0x600 + u16::from(ID), &request);
-        let answer = self.says().into_iter().find(|(id, _)| *id == 0x585);
+        let answer = self.sent().into_iter().find(|(id, _)| *id == 0x585);
         answer.map(|(_, bytes)| bytes.try_into().unwrap())
     }
 
@@ -151,9 +151,9 @@ fn outcome([command, _, _, _, a, b, c, d]: [u8; 8]) -> Result<u32, u32> {
 fn boot_up_sent_with_the_wrong_state_byte() {
     let mut bench = Bench::booting();
     assert_eq!(bench.node.state(), State::Initialising);
-    assert_eq!(bench.says(), [spoken(0x705, &[0])]);
+    assert_eq!(bench.sent(), [spoken(0x705, &[0])]);
     assert_eq!(bench.node.state(), State::PreOperational);
-    assert_eq!(bench.says(), []);
+    assert_eq!(bench.sent(), []);
 }
 
 #[test]
@@ -162,7 +162,7 @@ fn nothing_is_answered_before_the_boot_up() {
     bench.hears(0x605, &[0x40, 0, 0x10, 0, 0, 0, 0, 0]);
     bench.hears(0, &[1, ID]);
     bench.asked(0x705, 1);
-    assert_eq!(bench.says(), [spoken(0x705, &[0])]);
+    assert_eq!(bench.sent(), [spoken(0x705, &[0])]);
     assert_eq!(bench.node.state(), State::PreOperational);
 }
 
@@ -193,7 +193,7 @@ fn nmt_command_lost_when_another_nmt_frame_follows() {
     assert_eq!(bench.events(), entered);
     bench.hears(0, &[130, ID]);
     bench.hears(0, &[130, 0]);
-    assert_eq!(bench.says(), [spoken(0x705, &[0])]);
+    assert_eq!(bench.sent(), [spoken(0x705, &[0])]);
 }
 
 #[test]
@@ -203,7 +203,7 @@ fn reset_node_is_the_device_s_and_ends_in_a_boot_up() {
     bench.nmt(129);
     assert_eq!(bench.events(), [Event::ResetNode]);
     bench.start(ID);
-    assert_eq!(bench.says(), [spoken(0x705, &[0])]);
+    assert_eq!(bench.sent(), [spoken(0x705, &[0])]);
     assert_eq!(bench.read(0x2000, 0), Ok(7));
 }
 
@@ -215,7 +215,7 @@ fn reset_communication_leaves_the_device_s_own_values() {
     bench.events();
     assert_eq!(bench.nmt(130), State::Initialising);
     assert_eq!(bench.events(), [Event::ResetCommunication]);
-    assert_eq!(bench.says(), [spoken(0x705, &[0])]);
+    assert_eq!(bench.sent(), [spoken(0x705, &[0])]);
     assert_eq!(bench.read(0x2000, 0), Ok(9));
     assert_eq!(bench.read(0x1017, 0), Ok(0));
 }
@@ -228,7 +228,7 @@ fn nmt_startup_8_starts_the_node_by_itself() {
     bench.write(0x1010, 2, Value::u32(SAVE)).unwrap();
     bench.start(ID);
     bench.events();
-    assert_eq!(bench.says().first(), Some(&spoken(0x705, &[0])));
+    assert_eq!(bench.sent().first(), Some(&spoken(0x705, &[0])));
     assert_eq!(bench.node.state(), State::Operational);
     let [before, after] = [State::PreOperational, State::Operational].map(Event::State);
     assert_eq!(bench.events(), [before, after]);
@@ -246,7 +246,7 @@ fn sdo_answered_in_stopped() {
     bench.nmt(2);
     assert_eq!(bench.sdo(ask_type), None);
     bench.nmt(128);
-    assert_eq!(bench.says(), []);
+    assert_eq!(bench.sent(), []);
 }
 
 #[test]
@@ -258,7 +258,7 @@ fn pdos_flow_in_operational_only() {
         bench.hears(0x205, &[33]);
         let taken = bench.events().contains(&Event::Received(0));
         bench.hears(0x80, &[]);
-        let sent = bench.says().contains(&spoken(0x185, &[0, 0]));
+        let sent = bench.sent().contains(&spoken(0x185, &[0, 0]));
         assert_eq!((taken, sent), (pdo, pdo), "after {specifier}");
     }
     assert_eq!(bench.plant.read(at(0x2000, 0)), Ok(Value::u8(33)));
@@ -285,7 +285,7 @@ fn two_syncs_collapsed_into_one() {
     bench.hears(0x80, &[]);
     assert_eq!(bench.events(), [Event::Sync, Event::Sync]);
     // The sample of the first gave way to that of the second, and that is counted.
-    assert_eq!(bench.says(), [spoken(0x185, &[0, 0])]);
+    assert_eq!(bench.sent(), [spoken(0x185, &[0, 0])]);
     assert_eq!(bench.node.overruns(), 1);
 }
 
@@ -298,11 +298,11 @@ fn own_sync_happens_when_it_has_gone_out() {
     let sync = bench.node.transmit(&mut bench.plant, bench.now).unwrap();
     assert_eq!((sync.cob_id(), sync.length()), (Some(0x80), 0));
     assert_eq!(bench.events(), []);
-    assert_eq!(bench.says(), []);
+    assert_eq!(bench.sent(), []);
     bench.now = bench.now.after(130);
     bench.node.sent(&mut bench.plant, &sync, bench.now);
     assert_eq!(bench.events(), [Event::Sync]);
-    assert_eq!(bench.says(), [spoken(0x185, &[0, 0])]);
+    assert_eq!(bench.sent(), [spoken(0x185, &[0, 0])]);
     let frames = bench.wait(20);
     assert_eq!(frames.iter().filter(|(id, _)| *id == 0x80).count(), 2);
 }
@@ -313,11 +313,11 @@ fn a_pdo_with_the_identifier_of_sync_answering_itself_without_end() {
     bench.write(0x1005, 0, Value::u32(0x185)).unwrap();
     bench.nmt(1);
     bench.hears(0x185, &[]);
-    assert_eq!(bench.says().len(), 1);
+    assert_eq!(bench.sent().len(), 1);
     // The same of EMCY, whose length is wrong for a SYNC, which is worth another EMCY.
     bench.write(0x1005, 0, Value::u32(0x85)).unwrap();
     bench.node.overrun(1);
-    assert_eq!(bench.says().len(), 1);
+    assert_eq!(bench.sent().len(), 1);
 }
 
 #[test]
@@ -330,7 +330,7 @@ fn the_lowest_identifier_goes_first() {
     bench.node.overrun(1);
     bench.node.stand_in_for_sync(Some(1000), bench.now);
     bench.now = bench.now.after_ms(1);
-    let ids: Vec<u16> = bench.says().iter().map(|(id, _)| *id).collect();
+    let ids: Vec<u16> = bench.sent().iter().map(|(id, _)| *id).collect();
     assert_eq!(ids, [0x80, 0x85, 0x185, 0x585, 0x705]);
 }
 
@@ -340,29 +340,29 @@ fn a_synchronous_window_drops_what_is_late() {
     bench.write(0x1007, 0, Value::u32(500)).unwrap();
     bench.hears(0x80, &[]);
     bench.now = bench.now.after(500);
-    assert_eq!(bench.says(), [spoken(0x185, &[0, 0])]);
+    assert_eq!(bench.sent(), [spoken(0x185, &[0, 0])]);
     bench.hears(0x80, &[]);
     bench.now = bench.now.after(501);
-    assert_eq!(bench.says(), []);
+    assert_eq!(bench.sent(), []);
     // The window is a stored parameter, and holds from the start.
     bench.nmt(128);
     bench.write(0x1010, 2, Value::u32(SAVE)).unwrap();
     bench.nmt(130);
-    assert_eq!(bench.says(), [spoken(0x705, &[0])]);
+    assert_eq!(bench.sent(), [spoken(0x705, &[0])]);
     bench.nmt(1);
     bench.hears(0x80, &[]);
     bench.now = bench.now.after(501);
-    assert_eq!(bench.says(), []);
+    assert_eq!(bench.sent(), []);
 }
 
 #[test]
 fn guarding_is_answered_with_the_state_and_a_toggle_bit() {
     let mut bench = Bench::new();
     bench.asked(0x705, 1);
-    assert_eq!(bench.says(), [spoken(0x705, &[0x7F])]);
+    assert_eq!(bench.sent(), [spoken(0x705, &[0x7F])]);
     bench.nmt(2);
     bench.asked(0x705, 1);
-    assert_eq!(bench.says(), [spoken(0x705, &[0x84])]);
+    assert_eq!(bench.sent(), [spoken(0x705, &[0x84])]);
 }
 
 #[test]
@@ -394,13 +394,13 @@ fn a_node_without_node_id_speaks_lss_only() {
     bench.hears(0x6FF, &[0x40, 0, 0x10, 0, 0, 0, 0, 0]);
     assert_eq!(bench.wait(1000), []);
     bench.hears(0x7E5, &[0x4C, 0, 0, 0, 0, 0, 0, 0]);
-    assert_eq!(bench.says(), [spoken(0x7E4, &[0x50, 0, 0, 0, 0, 0, 0, 0])]);
+    assert_eq!(bench.sent(), [spoken(0x7E4, &[0x50, 0, 0, 0, 0, 0, 0, 0])]);
     bench.hears(0x7E5, &[4, 1, 0, 0, 0, 0, 0, 0]);
     bench.hears(0x7E5, &[0x11, 9, 0, 0, 0, 0, 0, 0]);
-    assert_eq!(bench.says(), [spoken(0x7E4, &[0x11, 0, 0, 0, 0, 0, 0, 0])]);
+    assert_eq!(bench.sent(), [spoken(0x7E4, &[0x11, 0, 0, 0, 0, 0, 0, 0])]);
     assert_eq!(bench.node.node_id(), UNCONFIGURED);
     bench.hears(0x7E5, &[4, 0, 0, 0, 0, 0, 0, 0]);
-    assert_eq!(bench.says(), [spoken(0x709, &[0])]);
+    assert_eq!(bench.sent(), [spoken(0x709, &[0])]);
     assert_eq!(bench.node.node_id(), 9);
 }
 
@@ -409,18 +409,18 @@ fn lss_node_id_active_before_reset() {
     let mut bench = Bench::new();
     bench.hears(0x7E5, &[4, 1, 0, 0, 0, 0, 0, 0]);
     bench.hears(0x7E5, &[0x11, 9, 0, 0, 0, 0, 0, 0]);
-    bench.says();
+    bench.sent();
     bench.hears(0x7E5, &[0x17, 0, 0, 0, 0, 0, 0, 0]);
-    assert_eq!(bench.says(), [spoken(0x7E4, &[0x17, 0, 0, 0, 0, 0, 0, 0])]);
+    assert_eq!(bench.sent(), [spoken(0x7E4, &[0x17, 0, 0, 0, 0, 0, 0, 0])]);
     assert_eq!(bench.plant.lss, Some((9, None)));
     bench.hears(0x7E5, &[4, 0, 0, 0, 0, 0, 0, 0]);
     assert_eq!(bench.node.node_id(), ID);
     assert_eq!(bench.read(0x1014, 0), Ok(0x85));
     bench.nmt(130);
-    assert_eq!(bench.says(), [spoken(0x709, &[0])]);
+    assert_eq!(bench.sent(), [spoken(0x709, &[0])]);
     bench.hears(0x609, &[0x40, 0x14, 0x10, 0, 0, 0, 0, 0]);
     assert_eq!(
-        bench.says(),
+        bench.sent(),
         [spoken(0x589, &[0x43, 0x14, 0x10, 0, 0x89, 0, 0, 0])]
     );
 }
@@ -430,7 +430,7 @@ fn lss_keeps_out_of_a_machine_that_works() {
     let mut bench = Bench::operational();
     bench.hears(0x7E5, &[4, 1, 0, 0, 0, 0, 0, 0]);
     bench.hears(0x7E5, &[0x5E, 0, 0, 0, 0, 0, 0, 0]);
-    assert_eq!(bench.says(), []);
+    assert_eq!(bench.sent(), []);
 }
 
 #[test]
@@ -439,7 +439,7 @@ fn a_memory_that_fails_is_told_to_the_lss_master() {
     bench.plant.broken = true;
     bench.hears(0x7E5, &[4, 1, 0, 0, 0, 0, 0, 0]);
     bench.hears(0x7E5, &[0x17, 0, 0, 0, 0, 0, 0, 0]);
-    assert_eq!(bench.says(), [spoken(0x7E4, &[0x17, 2, 0, 0, 0, 0, 0, 0])]);
+    assert_eq!(bench.sent(), [spoken(0x7E4, &[0x17, 2, 0, 0, 0, 0, 0, 0])]);
 }
 
 #[test]
@@ -466,7 +466,7 @@ fn lss_configuration_state_survives_a_machine_that_worked() {
     bench.nmt(1);
     bench.nmt(128);
     bench.hears(0x7E5, &[0x11, 9, 0, 0, 0, 0, 0, 0]);
-    assert_eq!(bench.says(), []);
+    assert_eq!(bench.sent(), []);
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! A number where it is kept, of the type of its row.
 //!
-//! In and out: values. Whoever owns an object that is simply a number says where it is, and no
+//! In and out: values. Whoever owns an object that is simply a number gives its place, and no
 //! more: reading it, and putting a default or stored value in place, are the same for all of them.
 //!
 //! Left out: what a write is allowed to do.

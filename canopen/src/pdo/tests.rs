@@ -261,7 +261,7 @@ fn an_event_whose_frame_was_taken_back_is_told_again_as_it_is_then() {
 }
 
 #[test]
-fn the_sync_start_value_says_which_sync_is_the_first() {
+fn the_sync_start_value_sets_which_sync_is_the_first() {
     let mut bench = Bench::with_tpdo(1);
     bench.write(0x1800, 1, OFF).unwrap();
     bench.write(0x1800, 6, 2).unwrap();

@@ -233,7 +233,7 @@ impl Safety {
     }
 
     /// 13FFh takes nothing but the signature of the parameters as they are, so that whoever
-    /// writes it proves to know them.
+    /// writes it proves to have them.
     fn sign(&mut self, sub: u8, value: Value) -> Result<(), Abort> {
         let n = sub.checked_sub(1).ok_or(Abort::ReadOnly)?;
         let srdo = self.srdos.get_mut(usize::from(n));

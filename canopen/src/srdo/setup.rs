@@ -209,7 +209,7 @@ impl Setup {
         good.then_some(()).ok_or(Abort::InvalidValue)
     }
 
-    /// Whether all parameters go together, so that 13FEh may say so. One that is off always does.
+    /// Whether all parameters go together, so that 13FEh may be A5h. One that is off always does.
     ///
     /// Errors: what is wrong with the mapping, else [`Abort::ParameterIncompatible`].
     pub fn check(&self, dictionary: &Dictionary) -> Result<(), Abort> {

@@ -1,4 +1,4 @@
-//! Conversations: what is written by SDO, what the bus says, what goes out.
+//! Conversations: what is written by SDO, what comes in, what goes out.
 
 mod producing;
 
@@ -512,7 +512,7 @@ fn frames_of_others_and_outside_operational_are_left_alone() {
 // Global fail-safe command.
 
 #[test]
-fn the_fail_safe_command_is_obeyed_when_1300_says_so() {
+fn the_fail_safe_command_is_obeyed_when_1300_allows_it() {
     let mut bench = Bench::new();
     bench.safety.start(ms(0));
     assert_eq!(bench.hear(0x001, &[], ms(1)), None);

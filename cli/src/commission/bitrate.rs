@@ -188,7 +188,7 @@ fn change(bus: &mut Bus, rate: u16, arguments: &Arguments) -> Result<Outcome, Co
     }
     let stopped = stop(bus, &[&working[..], &halted].concat());
     let changed = stopped.and_then(|()| change_these(bus, rate, arguments, &heard, &[]));
-    // Those that did not follow have not heard it; what went wrong before says more.
+    // Those that did not follow have not heard it; what went wrong before shows more.
     let working = working.iter().map(|node| (Command::Start, node));
     let halted = halted.iter().map(|node| (Command::Stop, node));
     let started = working
@@ -223,7 +223,7 @@ fn change_these(
     let (follow, mut not_reached) = match told(bus, rate, arguments, heard, working) {
         Ok(told) => told,
         Err(error) => {
-            // Nobody is left behind in the configuration state; why it ended says more.
+            // Nobody is left behind in the configuration state; why it ended shows more.
             let _ = Master::new(bus).switch_all(false);
             return Err(error);
         }

@@ -1,4 +1,4 @@
-//! Why a verb that commissions an instrument ended early: one sentence that says which node, what,
+//! Why a verb that commissions an instrument ended early: one sentence that names the node, what,
 //! and what to do.
 //!
 //! In: errors of the bus, of the choice of nodes, of names and values, and what one verb refuses.

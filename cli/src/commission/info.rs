@@ -140,7 +140,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, CommissionError> {
 fn ask(node: &mut Node) -> Result<Info, Fault> {
     let mut facts = Vec::new();
     for (label, name) in ASKED {
-        // A name that our own table does not know would be a mistake here; a test looks for it.
+        // A name that our own table does not have would be a mistake here; a test looks for it.
         for named in name::find(name).unwrap_or_default() {
             facts.push(fact(node, label, &named)?);
         }

@@ -2,7 +2,7 @@
 //! `restore`, `node-id`, `bitrate`.
 //!
 //! In: a bus, node-ids, names of objects and values with units. Out: lines or one JSON object,
-//! and instruments that are set up; or one sentence that says which node, what, and what to do.
+//! and instruments that are set up; or one sentence that names the node, what, and what to do.
 //! What is written is read back, and nothing is written twice.
 //!
 //! Left out: names of objects and values (`codes`), the choice of nodes and the transfers

@@ -27,7 +27,7 @@ const LOAD: [u8; 4] = *b"load";
 /// How long a node may take from its reset to its boot-up message.
 const RESTART: Duration = Duration::from_secs(10);
 
-/// What a restored node does not know any more.
+/// What a restored node does not hold any more.
 const APART: &str = "note: the channels refer to each other by node-ids 1 and 2 again, as \
  delivered, but have others: `plumb node-id --pair A,B --node A,B` corrects this\n";
 

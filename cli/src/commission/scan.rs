@@ -85,7 +85,7 @@ struct Content<'a> {
 
 /// Looks and prints.
 ///
-/// Errors: see [`CommissionError`]; nobody at all is one that says why.
+/// Errors: see [`CommissionError`]; nobody at all is one that states why.
 pub fn run(arguments: &Arguments) -> Result<ExitCode, CommissionError> {
     let mut bus = arguments.bus.join().map_err(Fault::from)?;
     let time = Duration::from_secs_f64(arguments.time);
@@ -112,7 +112,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, CommissionError> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// What one node says of itself.
+/// What one node reports of itself.
 fn found(bus: &mut Bus, heard: &Survey, id: u8) -> Result<Found, Fault> {
     let mut found = Found {
         node: id,

@@ -1,4 +1,4 @@
-//! `plumb set`: writes one object of one or several nodes, reads it back, and says when it
+//! `plumb set`: writes one object of one or several nodes, reads it back, and prints when it
 //! counts and whether it is kept.
 //!
 //! In: a name or an address, a value with its unit, nodes. Out: a line for each node, or JSON.
@@ -268,7 +268,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_counts_from_a_reset_is_what_the_rows_say() {
+    fn what_counts_from_a_reset_is_what_the_rows_state() {
         for (index, sub) in FROM_RESET {
             let named = name::one(&name::address(index, sub)).unwrap();
             assert!(

@@ -162,7 +162,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, CommissionError> {
     let (mut done, ended) = answer.each(&plans, |plan| write(&mut bus, plan), |_| String::new());
     sleep(SETTLING);
     let ended = done.iter_mut().try_fold(ended, |ended, zeroed| {
-        // What ended the writes says more than what goes wrong now.
+        // What ended the writes shows more than what goes wrong now.
         let ended = ended.and(read_back(&mut bus, zeroed));
         answer.say(line(zeroed))?;
         Ok::<_, CommissionError>(ended)

@@ -1,4 +1,4 @@
-//! Why an update ended: one sentence that says where and what to do.
+//! Why an update ended: one sentence that states where and what to do.
 
 use std::io;
 use std::path::PathBuf;
@@ -119,7 +119,7 @@ pub enum UpdateError {
     /// A node did not finish clearing its memory.
     #[error("node {0} does not finish clearing its memory")]
     Clearing(u8),
-    /// A node found the image wrong: what 1F57h says.
+    /// A node found the image wrong: what 1F57h reads.
     #[error("node {0} refuses the image: {a}", a = found(*.1))]
     Found(u8, u32),
     /// A node did not come back after the start.
@@ -201,7 +201,7 @@ const fn no_image(error: ImageError) -> &'static str {
     }
 }
 
-/// What 1F57h says, in words.
+/// What 1F57h reads, in words.
 fn found(status: u32) -> &'static str {
     match (status >> 1 & 0x7F, status >> 16 & 0xFF) {
         (_, 1) => "it is for other hardware",

@@ -2,7 +2,7 @@
 //!
 //! In: the bytes of a file. Out: its images, each found whole. An image runs in one slot only, so
 //! a file that is to suit every node holds one for each slot. Each is its header and its body
-//! ([`flash::image`]), and the header says where the next one begins.
+//! ([`flash::image`]), and the header states where the next one begins.
 //!
 //! A file for a debug probe is none of them, and is named as what it is.
 //!
@@ -20,7 +20,7 @@ use super::error::UpdateError;
 /// One image.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Image {
-    /// What it says of itself.
+    /// What it states of itself.
     pub header: Header,
     /// The slot that it is for.
     pub slot: Slot,

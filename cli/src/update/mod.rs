@@ -1,7 +1,7 @@
 //! `plumb update`: a new program for both channels, one after the other, over the bus.
 //!
 //! In: files of images, a bus, node-ids. Out: nodes that run the new program and have confirmed
-//! it, one line for each; or one sentence that says what is wrong, and nodes that run what they
+//! it, one line for each; or one sentence that states what is wrong, and nodes that run what they
 //! ran. Before anything is changed every node is asked whether the image suits it and whether it
 //! measures, since one channel works while the other is updated.
 //!
@@ -291,7 +291,7 @@ impl<'a> Renewal<'a> {
         if matches!(ended, Err(UpdateError::Taken(_))) {
             return ended;
         }
-        // What ended it says more than what may go wrong now.
+        // What ended it shows more than what may go wrong now.
         let given_up = match ended {
             Ok(()) => Ok(()),
             Err(_) => self.client().give_up(0x1F50, 1).map_err(UpdateError::from),
@@ -450,7 +450,7 @@ impl<'a> Renewal<'a> {
         Err(UpdateError::Found(self.0.id, status))
     }
 
-    /// Waits until the node does not work at its memory any more: what 1F57h says then.
+    /// Waits until the node does not work at its memory any more: what 1F57h reads then.
     fn wait_for_memory(&mut self) -> Result<u32, UpdateError> {
         let until = Instant::now() + CLEARING;
         loop {
@@ -465,7 +465,7 @@ impl<'a> Renewal<'a> {
         }
     }
 
-    /// A refusal is told by what the node says of the image, if it does.
+    /// A refusal is told by what the node reports of the image, if it does.
     fn judged(&mut self, outcome: Result<(), UpdateError>) -> Result<(), UpdateError> {
         let Err(UpdateError::Refused(..)) = outcome else {
             return outcome;
@@ -492,7 +492,7 @@ impl<'a> Renewal<'a> {
             }
             match self.read(0x1F57, 1) {
                 Ok(status) if status & 1 != 0 => {}
-                // It says nothing of the image any more: it has restarted meanwhile, and its
+                // It reports nothing of the image any more: it has restarted meanwhile, and its
                 // boot-up message came with the answer.
                 Ok(0) | Err(UpdateError::Silent(_)) => return Ok(()),
                 Ok(status) => return Err(UpdateError::Found(self.0.id, status)),

@@ -61,7 +61,7 @@ fn put_to_work(bench: &Bench) {
 }
 
 #[test]
-fn a_motor_calibrates_both_channels_and_verify_knows_the_report() {
+fn a_motor_calibrates_both_channels_and_verify_accepts_the_report() {
     let bench = bench(&["--uncalibrated"]);
     // What it was like before must not show: readings once stood still at the last SYNC.
     put_to_work(&bench);
@@ -139,7 +139,7 @@ const STANDS: [(f64, f64); 15] = [
     (-0.2, -0.3),
 ];
 
-/// Puts the housing down as it is asked for, and says so by a line where there are `answers`.
+/// Puts the housing down as it is asked for, and confirms it by a line where there are `answers`.
 fn put_down(bench: &mut Bench, asked: ChildStderr, answers: Option<ChildStdin>) -> String {
     put_down_by_way_of(&["level", "roll 20", "level"], bench, asked, answers)
 }
@@ -151,7 +151,7 @@ fn put_down_by_way_of(
     asked: ChildStderr,
     mut answers: Option<ChildStdin>,
 ) -> String {
-    bench.say("rate 400");
+    bench.word("rate 400");
     let mut at = 0;
     let mut all = String::new();
     for line in BufReader::new(asked).lines().map_while(Result::ok) {
@@ -173,11 +173,11 @@ fn put_down_by_way_of(
         }
         // Up, so that a housing that comes back to where it stood has moved all the same.
         for words in by_way_of {
-            bench.say(words);
+            bench.word(words);
             std::thread::sleep(Duration::from_millis(150));
         }
-        bench.say(&format!("roll {roll}"));
-        bench.say(&format!("pitch {pitch}"));
+        bench.word(&format!("roll {roll}"));
+        bench.word(&format!("pitch {pitch}"));
         std::thread::sleep(Duration::from_millis(200));
         if let Some(answers) = &mut answers {
             writeln!(answers).unwrap();
@@ -277,8 +277,8 @@ fn a_motor_calibrates_the_gyroscopes_too_and_the_report_states_their_uncertainty
 #[test]
 fn a_frozen_gyroscope_and_one_of_a_wrong_scale_are_refused_and_take_no_part() {
     let mut bench = dynamic("5", &["--uncalibrated"]);
-    bench.say("fault a rate-frozen");
-    bench.say("fault b rate-scale 40");
+    bench.word("fault a rate-frozen");
+    bench.word("fault b rate-scale 40");
     for (channel, why) in channels(&bench, &[])
         .iter()
         .zip(["0 of its turns", "contradict"])
@@ -295,7 +295,7 @@ fn a_frozen_gyroscope_and_one_of_a_wrong_scale_are_refused_and_take_no_part() {
 fn a_gyroscope_that_takes_part_and_is_wrong_leaves_the_whole_calibration_as_it_was() {
     let mut bench = dynamic("5", &[]);
     let before = bench.kept();
-    bench.say("fault b rate-scale 40");
+    bench.word("fault b rate-scale 40");
     let options = ["--step", "30", "--nodes", "2", "--json"];
     let (status, out, err) = said(&by_motor(&bench, &options).output().unwrap());
     assert_eq!(status, Some(1), "{err}");
@@ -335,8 +335,8 @@ fn turns_from_pose_to_pose_calibrate_the_gyroscopes_by_hand() {
 fn with_yes_the_sensor_tells_when_the_housing_was_moved() {
     let mut bench = bench(&[]);
     let (pitch, roll) = STANDS[0];
-    bench.say(&format!("roll {roll}"));
-    bench.say(&format!("pitch {pitch}"));
+    bench.word(&format!("roll {roll}"));
+    bench.word(&format!("pitch {pitch}"));
     std::thread::sleep(Duration::from_millis(300));
     let mut run = calibrate(&bench, &["--by-hand", "--yes"]);
     run.stdout(Stdio::piped()).stderr(Stdio::piped());
@@ -351,7 +351,7 @@ fn with_yes_the_sensor_tells_when_the_housing_was_moved() {
 fn poses_that_end_early_are_named_and_nothing_changes() {
     let mut bench = bench(&[]);
     let before = bench.kept();
-    bench.say("roll 0.2");
+    bench.word("roll 0.2");
     let mut run = calibrate(&bench, &["--by-hand"]);
     run.stdin(Stdio::piped())
         .stdout(Stdio::piped())
@@ -507,12 +507,12 @@ fn a_node_that_vanishes_in_the_middle_is_named() {
     for _ in 0..5 {
         lines.next().unwrap().unwrap();
     }
-    bench.say("power b off");
+    bench.word("power b off");
     let status = run.wait().unwrap();
     assert_eq!(status.code(), Some(2));
     let last = lines.map_while(Result::ok).last().unwrap();
     assert!(last.contains("node 2 does not answer"), "{last}");
-    bench.say("power b on");
+    bench.word("power b on");
     std::thread::sleep(Duration::from_millis(500));
     assert_eq!(bench.kept(), before);
 }

@@ -182,7 +182,7 @@ fn a_node_that_restarts_in_the_middle_is_noticed_and_its_dwell_begins_anew() {
     let mut bench = bench(&[]);
     let (run, mut lines) = begin(by_motor(&bench, &["--json", "--dwell", "1"]));
     await_dwells(&mut lines, 1);
-    bench.say("reset b");
+    bench.word("reset b");
     let told: Vec<_> = lines.map_while(Result::ok).collect();
     let (status, out, _) = said(&run.wait_with_output().unwrap());
     assert_eq!(status, Some(0), "{told:?}");
@@ -220,7 +220,7 @@ fn a_node_that_vanishes_stops_the_run_and_what_was_measured_is_kept() {
     let mut bench = bench(&[]);
     let (run, mut lines) = begin(by_motor(&bench, &[]));
     await_dwells(&mut lines, 1);
-    bench.say("power b off");
+    bench.word("power b off");
     let last = ended(run, lines);
     assert!(last.contains("node 2 does not answer"), "{last}");
     assert!(last.contains("--resume"), "{last}");
@@ -263,8 +263,8 @@ fn a_run_cut_at_each_dwell_with_its_motor_left_turned_comes_to_its_end() {
         // A run that is cut in its readings leaves the motor so.
         assert_eq!(ask(&bench.motor, "POS:PITCH 54.7\n*OPC?"), "1\n");
         if place == 2 {
-            bench.say("power all off");
-            bench.say("power all on");
+            bench.word("power all off");
+            bench.word("power all on");
             std::thread::sleep(Duration::from_millis(400));
         }
     }
@@ -384,7 +384,7 @@ const STANDS: [(&str, f64, f64); 4] = [
 #[test]
 fn a_person_sets_the_chamber_and_turns_the_housing() {
     let mut bench = bench(&["--uncalibrated"]);
-    bench.say("rate 400");
+    bench.word("rate 400");
     let mut command = characterise(&bench, &["--by-hand", "--json"]);
     command.args(STAIRS).stdin(Stdio::piped());
     let (mut run, lines) = begin(command);
@@ -394,7 +394,7 @@ fn a_person_sets_the_chamber_and_turns_the_housing() {
         told += &format!("{line}\n");
         if let Some((_, degc)) = line.split_once("set the chamber to ") {
             let (degc, then) = degc.split_once(" degC").unwrap();
-            bench.say(&format!("temp {degc}"));
+            bench.word(&format!("temp {degc}"));
             std::thread::sleep(Duration::from_millis(300));
             if then.contains("press Enter") {
                 writeln!(answers).unwrap();
@@ -402,9 +402,9 @@ fn a_person_sets_the_chamber_and_turns_the_housing() {
         }
         let stand = STANDS.iter().find(|(words, ..)| line.contains(words));
         if let (Some((_, pitch, roll)), true) = (stand, line.contains("of 4: ")) {
-            bench.say("level");
-            bench.say(&format!("roll {roll}"));
-            bench.say(&format!("pitch {pitch}"));
+            bench.word("level");
+            bench.word(&format!("roll {roll}"));
+            bench.word(&format!("pitch {pitch}"));
             std::thread::sleep(Duration::from_millis(100));
             writeln!(answers).unwrap();
         }

@@ -59,7 +59,7 @@ impl Bench {
         fs::read_to_string(file).unwrap()
     }
 
-    pub fn say(&mut self, words: &str) {
+    pub fn word(&mut self, words: &str) {
         self.served.word(words);
     }
 }

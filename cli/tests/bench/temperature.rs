@@ -130,7 +130,7 @@ impl Chance {
 }
 
 fn chamber(bench: &mut Bench, master: &mut Master, degc: f64) {
-    bench.say(&format!("temp {degc}"));
+    bench.word(&format!("temp {degc}"));
     // The ramp, and ten of the housing's time constants.
     master.settle(1, 400 * (8 + 10));
 }
@@ -138,7 +138,7 @@ fn chamber(bench: &mut Bench, master: &mut Master, degc: f64) {
 /// Both nodes are switched off and on.
 fn restart(bench: &mut Bench) {
     for word in ["power all off", "power all on", "rate 400"] {
-        bench.say(word);
+        bench.word(word);
     }
     std::thread::sleep(Duration::from_millis(300));
 }
@@ -154,7 +154,7 @@ fn errors(bench: &mut Bench, seed: u64) -> Vec<Reading> {
         for (word, sub) in [("roll", 1), ("pitch", 2)] {
             for _ in 0..ANGLES {
                 let deg = ((chance.next() * 180.0 - 90.0) * 1000.0).round() / 1000.0;
-                bench.say(&format!("{word} {deg}"));
+                bench.word(&format!("{word} {deg}"));
                 // Three seconds for the way, and one for the filter.
                 master.settle(1, 400 * 4);
                 for node in [1, 2] {
@@ -162,7 +162,7 @@ fn errors(bench: &mut Bench, seed: u64) -> Vec<Reading> {
                     all.push((read - deg, u));
                 }
             }
-            bench.say("level");
+            bench.word("level");
         }
     }
     all
@@ -219,7 +219,7 @@ fn a_unit_that_was_characterised_and_calibrated_on_the_bus_keeps_its_angles_when
     // Calibrated at 25 degC and never in a chamber: what a unit without a model does when it is
     // warm.
     assert!(largest(&bare) > 0.3, "{}", largest(&bare));
-    bench.say("level");
+    bench.word("level");
     // In any order: the calibration stays what it was at its own temperature.
     characterise(&bench, "20", "1");
     let with_model = errors(&mut bench, 1);
@@ -242,7 +242,7 @@ fn heat_alone_accused_a_channel_that_was_calibrated_far_from_it() {
             restart(&mut bench);
             master.start();
             for deg in [0, 60, -40] {
-                bench.say(&format!("pitch {deg}"));
+                bench.word(&format!("pitch {deg}"));
                 master.settle(1, 400 * 4);
                 for node in [1, 2] {
                     let (state, register) =
@@ -256,7 +256,7 @@ fn heat_alone_accused_a_channel_that_was_calibrated_far_from_it() {
                     );
                 }
             }
-            bench.say("level");
+            bench.word("level");
         }
     }
 }

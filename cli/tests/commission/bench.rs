@@ -1,4 +1,4 @@
-//! A bus with nodes, the program on it, and what it says.
+//! A bus with nodes, the program on it, and what it prints.
 
 use std::io::Write as _;
 use std::path::PathBuf;
@@ -33,13 +33,13 @@ impl Bench {
         Self::new(&[&["--uncalibrated"], more].concat())
     }
 
-    pub fn say(&self, words: &[&str]) -> Said {
+    pub fn run(&self, words: &[&str]) -> Said {
         said(&plumb(words).args(["--bus", &self.bus]).output().unwrap())
     }
 
     /// A verb that has to succeed; what it has printed.
     pub fn done(&self, words: &[&str]) -> String {
-        let (status, out, err) = self.say(words);
+        let (status, out, err) = self.run(words);
         assert_eq!(status, Some(0), "{words:?}: {err}");
         assert_eq!(err, "", "{words:?}");
         out
@@ -47,7 +47,7 @@ impl Bench {
 
     /// A verb that has to be refused; its sentence.
     pub fn refused(&self, words: &[&str]) -> String {
-        let (status, out, err) = self.say(words);
+        let (status, out, err) = self.run(words);
         assert_eq!((status, out.as_str()), (Some(2), ""), "{words:?}: {err}");
         assert_eq!(err.lines().count(), 1, "{err}");
         err

@@ -35,7 +35,7 @@ fn bitrate_changed_half_an_instrument_without_a_word() {
         "{told}"
     );
     bench.nmt(RESET, 0);
-    let got = bench.say(&["bitrate"]).1;
+    let got = bench.run(&["bitrate"]).1;
     assert_eq!(got, "node 1: 250 kbit/s");
     let out = bench.at_500_kbit(&["--force"], 3500);
     assert!(
@@ -66,7 +66,7 @@ fn bitrate_interrupted_before_the_change_left_the_new_rate_stored() {
 }
 
 #[test]
-fn bitrate_interrupted_on_a_dead_bus_did_not_say_what_is_stored() {
+fn bitrate_interrupted_on_a_dead_bus_did_not_print_what_is_stored() {
     let mut bench = Bench::quick(&[]);
     let told = interrupted_on_a_dead_bus(&mut bench, &CHANGE, At::first(b"\x17"));
     assert!(
@@ -76,7 +76,7 @@ fn bitrate_interrupted_on_a_dead_bus_did_not_say_what_is_stored() {
 }
 
 #[test]
-fn bitrate_interrupted_behind_the_change_did_not_say_that_the_nodes_have_changed() {
+fn bitrate_interrupted_behind_the_change_did_not_print_that_the_nodes_have_changed() {
     let mut bench = Bench::quick(&[]);
     let told = at(&bench, b"\x15").err;
     assert!(

@@ -81,7 +81,7 @@ impl Seen {
         let nodes = scan["nodes"].as_array().unwrap();
         let seen = |id: u64| {
             let node = nodes.iter().find(|node| node["node"] == id)?;
-            let (_, held, _) = bench.say(&["get", object, "--node", &id.to_string()]);
+            let (_, held, _) = bench.run(&["get", object, "--node", &id.to_string()]);
             Some((node["state"].as_str()?.to_owned(), held))
         };
         Self([seen(1), seen(2)])
@@ -172,7 +172,7 @@ fn carry_out(case: Case) -> Option<String> {
         bench.word(&format!("power {channel} on"));
         thread::sleep(Duration::from_millis(1200));
     }
-    let again = bench.say(&words(case.verb));
+    let again = bench.run(&words(case.verb));
     let end = Seen::of(&bench, object);
     let is_done =
         |node: &Option<(String, String)>| matches!(node, Some((_, held)) if held.contains(shown));

@@ -32,7 +32,7 @@ const fn store(number: usize) -> At {
     }
 }
 
-/// What new node-ids say that are interrupted there.
+/// What new node-ids print that are interrupted there.
 fn at(bench: &Bench, words: &[&str], at: At) -> String {
     interrupted(bench, words, at).err
 }
@@ -62,18 +62,18 @@ fn node_id_interrupted_on_fresh_nodes_left_one_with_a_node_id() {
     let bench = Bench::quick(&["--node-ids", "none"]);
     assert_eq!(at(&bench, &NEW, store(2)), "plumb: interrupted");
     sleep(Duration::from_millis(500));
-    let (status, _, told) = bench.say(&["get", "heartbeat"]);
+    let (status, _, told) = bench.run(&["get", "heartbeat"]);
     assert_eq!(status, Some(2), "{told}");
     assert!(
         told.contains("a node without a node-id is on the bus"),
         "{told}"
     );
-    let done = bench.say(&NEW).1;
+    let done = bench.run(&NEW).1;
     assert!(done.contains("channel B: node-id 11 is given"), "{done}");
 }
 
 #[test]
-fn node_id_interrupted_on_a_dead_bus_did_not_say_what_is_stored() {
+fn node_id_interrupted_on_a_dead_bus_did_not_print_what_is_stored() {
     let mut bench = Bench::quick(&[]);
     let words = ["node-id", "7", "--node", "1"];
     let told = interrupted_on_a_dead_bus(&mut bench, &words, store(1));
@@ -84,7 +84,7 @@ fn node_id_interrupted_on_a_dead_bus_did_not_say_what_is_stored() {
 }
 
 #[test]
-fn node_id_interrupted_behind_the_reset_did_not_say_that_the_nodes_have_changed() {
+fn node_id_interrupted_behind_the_reset_did_not_print_that_the_nodes_have_changed() {
     let bench = Bench::quick(&[]);
     let last_reset = At {
         id: 0,

@@ -111,9 +111,11 @@ fn slcan_over_tcp_is_as_good_and_variables_name_the_bus() {
 }
 
 /// A pseudo-terminal is a serial port to a client; when the server goes it is unplugged.
+///
+/// What a scan ends with whose adapter is unplugged so much after its start: its status, its
+/// message, and how long after that it ends.
 #[cfg(target_os = "linux")]
-#[test]
-fn a_serial_adapter_that_is_unplugged_is_named() {
+fn unplugged(after: Duration) -> (Option<i32>, String, Duration) {
     let mut server = plumb(&[
         "serve",
         "--listen",
@@ -140,15 +142,29 @@ fn a_serial_adapter_that_is_unplugged_is_named() {
         .stderr(Stdio::piped())
         .spawn()
         .unwrap();
-    std::thread::sleep(Duration::from_millis(1000));
+    std::thread::sleep(after);
     server.kill().unwrap();
     server.wait().unwrap();
     let from = Instant::now();
     let (status, _, err) = said(&scan.wait_with_output().unwrap());
+    (status, err, from.elapsed())
+}
+
+/// On a busy machine a scan may be at its start for a second: then it has not joined the bus yet,
+/// and is given longer.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_serial_adapter_that_is_unplugged_is_named() {
+    let waits = [1, 4, 16].map(Duration::from_secs);
+    let joined = waits
+        .into_iter()
+        .map(unplugged)
+        .find(|(_, err, _)| !err.contains("cannot join the bus"));
+    let (status, err, took) = joined.expect("a scan that joins the bus within 16 s");
     assert_eq!(status, Some(2), "{err}");
     assert!(
         err.contains("the adapter is gone") && err.contains("unplugged"),
         "{err}"
     );
-    assert!(from.elapsed() < Duration::from_secs(5));
+    assert!(took < Duration::from_secs(5));
 }

@@ -48,7 +48,7 @@ fn the_remedy_for_a_stopped_node_was_what_had_just_been_typed() {
 }
 
 #[test]
-fn calibrate_did_not_say_that_a_node_is_stopped() {
+fn calibrate_did_not_print_that_a_node_is_stopped() {
     let bench = Bench::quick(&[]);
     bench.nmt(STOP, 2);
     let file = Scratch::new();

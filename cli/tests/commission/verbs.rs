@@ -197,7 +197,7 @@ fn a_pair_of_which_one_node_was_zeroed_alone_could_not_be_zeroed_any_more() {
 }
 
 #[test]
-fn without_a_valid_angle_a_zero_says_why() {
+fn without_a_valid_angle_a_zero_prints_why() {
     let mut bench = Bench::quick(&[]);
     bench.word("fault b stuck");
     std::thread::sleep(Duration::from_millis(800));
@@ -241,7 +241,7 @@ fn half_an_instrument_was_zeroed_without_a_word() {
     assert!(done.contains("now in the mean of 16"), "{done}");
     // What is read is printed, and the missing one told.
     for verb in [&["get", "slope-long"][..], &["info"], &["bitrate"]] {
-        let (out, err) = half_done(bench.say(verb));
+        let (out, err) = half_done(bench.run(verb));
         assert!(out.contains("node 1"), "{out}");
         assert!(err.contains("node 2, the other channel of node 1"), "{err}");
     }
@@ -253,12 +253,12 @@ fn what_was_written_before_a_node_failed_was_not_in_the_json() {
     bench.word("power b off");
     std::thread::sleep(Duration::from_millis(500));
     let words = ["set", "heartbeat", "300ms", "--node", "1,2", "--json"];
-    let (out, err) = half_done(bench.say(&words));
+    let (out, err) = half_done(bench.run(&words));
     let set: Value = serde_json::from_str(&out).unwrap();
     assert_eq!(set["nodes"].as_array().unwrap().len(), 1);
     assert_eq!(set["nodes"][0]["node"], 1);
     assert!(err.contains("there is no node 2"), "{err}");
-    let (out, _) = half_done(bench.say(&["save", "--node", "1,2", "--json"]));
+    let (out, _) = half_done(bench.run(&["save", "--node", "1,2", "--json"]));
     let save: Value = serde_json::from_str(&out).unwrap();
     assert_eq!(save["saved_nodes"], serde_json::json!([1]));
 }
@@ -266,11 +266,11 @@ fn what_was_written_before_a_node_failed_was_not_in_the_json() {
 #[test]
 fn a_refusal_in_a_table_ended_with_status_0() {
     let bench = Bench::quick(&[]);
-    let (out, err) = half_done(bench.say(&["get", "1018h:99"]));
+    let (out, err) = half_done(bench.run(&["get", "1018h:99"]));
     assert!(out.contains("refused: it has no such sub-index"), "{out}");
     assert!(err.contains("2 objects are refused"), "{err}");
     let words = ["get", "heartbeat", "1018h:99", "--node", "1", "--json"];
-    let (out, err) = half_done(bench.say(&words));
+    let (out, err) = half_done(bench.run(&words));
     let got: Value = serde_json::from_str(&out).unwrap();
     assert_eq!(got["objects"][0]["raw"], 200);
     assert!(err.contains("node 1 refuses 1018h"), "{err}");
@@ -282,7 +282,7 @@ fn where_frames_got_lost_one_of_two_channels_was_left_out() {
     bench.word("bus loss 0.3");
     std::thread::sleep(Duration::from_millis(300));
     for _ in 0..4 {
-        let (status, out, err) = bench.say(&["get", "slope-long"]);
+        let (status, out, err) = bench.run(&["get", "slope-long"]);
         match status {
             Some(0) => assert!(out.contains("node 1") && out.contains("node 2"), "{out}"),
             status => {
@@ -383,7 +383,7 @@ fn two_fresh_nodes_get_their_node_ids_and_find_each_other() {
         "{done}"
     );
     assert!(from.elapsed() < Duration::from_secs(60));
-    // It outlasts a reset, and so does what they know of each other.
+    // It outlasts a reset, and so does what they hold of each other.
     bench.nmt(129, 0);
     let scan = bench.json(&["scan"]);
     assert_eq!(scan["nodes"][0]["node"], 10);
@@ -450,7 +450,7 @@ fn identifiers_that_were_saved_stayed_with_the_old_node_id() {
     }
     let got = bench.json(&["get", "1400:1", "--node", "2"]);
     assert_eq!(got["objects"][0]["raw"], 0x387);
-    // What the channels know of each other is as delivered again, and that is said.
+    // What the channels hold of each other is as delivered again, and that is printed.
     let done = bench.done(&["restore", "--node", "7", "--reset"]);
     assert!(
         done.contains("plumb node-id --pair A,B --node A,B"),

@@ -32,12 +32,12 @@ impl At {
     }
 }
 
-/// What a verb says that is interrupted at this frame, and what it has sent since.
+/// What a verb prints that is interrupted at this frame, and what it has sent since.
 pub fn interrupted(bench: &Bench, words: &[&str], at: At) -> Interrupted {
     interrupted_behind(&bench.bus, words, at, || ())
 }
 
-/// What a verb says that is interrupted at this frame when no node has its supply any more.
+/// What a verb prints that is interrupted at this frame when no node has its supply any more.
 pub fn interrupted_on_a_dead_bus(bench: &mut Bench, words: &[&str], at: At) -> String {
     let bus = bench.bus.clone();
     let dies = || {

@@ -165,7 +165,7 @@ fn passive_means_that_nothing_is_sent() {
 }
 
 #[test]
-fn start_and_sync_send_what_they_say_and_stop_for_somebody_else() {
+fn start_and_sync_send_what_they_name_and_stop_for_somebody_else() {
     let server = Server::start(Serving::Silent);
     let options = [
         "--bus", &server.at, "--for", "2s", "--start", "--sync", "100",
@@ -190,7 +190,7 @@ fn start_and_sync_send_what_they_say_and_stop_for_somebody_else() {
 
 #[cfg(unix)]
 #[test]
-fn a_recording_is_whole_after_an_interrupt_and_played_back_it_says_the_same() {
+fn a_recording_is_whole_after_an_interrupt_and_played_back_it_shows_the_same() {
     let bench = Bench::new();
     for name in ["bus.log", "bus.asc"] {
         let file = bench.file(name);
@@ -390,7 +390,7 @@ fn a_log_runs_at_its_own_time_and_gaps_are_told() {
 }
 
 #[test]
-fn the_page_says_where_it_is_and_serves_what_it_shows() {
+fn the_page_has_its_address_printed_and_serves_what_it_shows() {
     let bench = Bench::new();
     let options = ["--start", "--json", "--web", "127.0.0.1:0"];
     let mut seen = Watched::new(&mut bench.watch(&options));
@@ -574,7 +574,7 @@ fn at_2000_frames_a_second_each_view_takes_less_than_a_twentieth_of_a_core() {
         "monitor at {RATE} frames/s, per cent of a core: lines with a recording {plain:.1}, \
          a page with a browser {browser:.1}, a terminal {screen:.1}"
     );
-    // It has kept up, or else the figures would say nothing.
+    // It has kept up, or else the figures would show nothing.
     lines.until_rate(RATE);
     for child in [&mut lines.child, &mut page.child, &mut drawn] {
         child.kill().unwrap();

@@ -8,7 +8,7 @@ use flate2::{Compression, write::GzEncoder};
 use super::bench::*;
 
 /// Runs and expects a refusal; the sentence.
-fn refused(folder: &Folder, arguments: &[&str], names_file: &str, says: &str) -> String {
+fn refused(folder: &Folder, arguments: &[&str], names_file: &str, reason: &str) -> String {
     let before = folder.names();
     let output = replay(folder, arguments);
     let stderr = String::from_utf8(output.stderr).unwrap();
@@ -19,7 +19,7 @@ fn refused(folder: &Folder, arguments: &[&str], names_file: &str, says: &str) ->
         "{stderr}"
     );
     assert!(stderr.contains(names_file), "no {names_file} in: {stderr}");
-    assert!(stderr.contains(says), "no `{says}` in: {stderr}");
+    assert!(stderr.contains(reason), "no `{reason}` in: {stderr}");
     assert!(!stderr.contains("panicked"));
     assert!(output.stdout.is_empty());
     assert_eq!(folder.names(), before, "something was written");
@@ -87,9 +87,9 @@ fn rows_that_can_not_be_used() {
             "only 29 usable rows",
         ),
     ];
-    for (name, text, says) in cases {
+    for (name, text, reason) in cases {
         let file = folder.file(name, text);
-        refused(&folder, &[&file], name, says);
+        refused(&folder, &[&file], name, reason);
     }
 }
 
@@ -127,9 +127,9 @@ fn headers_and_units_that_can_not_be_used() {
             "line 1: holds numbers where the header should be",
         ),
     ];
-    for (name, text, says) in cases {
+    for (name, text, reason) in cases {
         let file = folder.file(name, text);
-        refused(&folder, &[&file], name, says);
+        refused(&folder, &[&file], name, reason);
     }
 }
 
@@ -160,9 +160,9 @@ fn files_that_are_no_recording() {
             "only 0 usable rows",
         ),
     ];
-    for (name, bytes, says) in cases {
+    for (name, bytes, reason) in cases {
         let file = folder.file(name, bytes);
-        refused(&folder, &[&file], name, says);
+        refused(&folder, &[&file], name, reason);
     }
     refused(
         &folder,
@@ -299,17 +299,17 @@ fn calibration_files_that_can_not_be_used() {
             "was made for 2048 numbers per g",
         ),
     ];
-    for (name, contents, says) in cases {
+    for (name, contents, reason) in cases {
         let file = folder.file(name, contents);
-        refused(&folder, &[&one, "--calibration", &file], name, says);
+        refused(&folder, &[&one, "--calibration", &file], name, reason);
     }
     let other = folder.file("other.csv", TURNED.record(up));
-    let says = "holds 1 channels for 2 recordings";
+    let reason = "holds 1 channels for 2 recordings";
     refused(
         &folder,
         &[&one, &other, "--calibration", &kept],
         "kept.json",
-        says,
+        reason,
     );
     let missing = folder.path("missing.json");
     refused(
@@ -421,20 +421,25 @@ fn a_calibration_is_saved_in_a_regular_file_or_not_at_all() {
     std::fs::create_dir(folder.path("inside")).unwrap();
     // Before any work: the recording is not even there.
     let none = folder.path("none.csv");
-    for (place, says) in [
+    for (place, reason) in [
         (&pipe, "it is no regular file"),
         (&round, "it is no regular file"),
         (&loose, "the link leads nowhere"),
         (&folder.path("inside"), "it is a folder"),
     ] {
-        refused(&folder, &[&none, "--save-calibration", place], place, says);
+        refused(
+            &folder,
+            &[&none, "--save-calibration", place],
+            place,
+            reason,
+        );
     }
 }
 
 #[test]
 fn other_separators_and_names_that_break_lines() {
     let folder = Folder::new("separators");
-    for (name, separator, says) in [
+    for (name, separator, reason) in [
         (
             "semicolon.csv",
             ";",
@@ -448,7 +453,7 @@ fn other_separators_and_names_that_break_lines() {
     ] {
         let text = good().replace(',', separator).replace('.', ",");
         let file = folder.file(name, text);
-        refused(&folder, &[&file], name, says);
+        refused(&folder, &[&file], name, reason);
     }
     let decimals = with_lines(&good(), |n, line| (n > 1).then(|| line.replace('.', ",")));
     let file = folder.file("decimals.csv", decimals);

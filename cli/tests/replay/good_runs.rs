@@ -43,7 +43,7 @@ fn the_known_attitude_comes_out() {
         assert!(error < 0.05, "{error}");
         assert_eq!(channel["calibration"]["kind"], "poses");
         assert!(channel["calibration"]["residual_mg"].as_f64().unwrap() < 0.2);
-        // What it says of itself is true: noise behind the filter.
+        // What it states of itself is true: noise behind the filter.
         for slope in channel["slopes"].as_array().unwrap() {
             let found = &slope["standstill"];
             let figure = |key: &str| found[key].as_f64().unwrap();
@@ -97,7 +97,7 @@ fn slopes_as_a_reference_calibrate_and_are_compared_with() {
             return Some(format!("{line},ref_x_deg,ref_y_deg"));
         };
         let [x, y] = slopes_deg(up(i as u64));
-        // Two slopes don't say that the housing lies on its back.
+        // Two slopes don't show that the housing lies on its back.
         let hidden = up(i as u64)[2] < 0.0;
         Some(if hidden {
             format!("{line},,")
@@ -253,7 +253,7 @@ fn skipped_rows_are_counted_with_reason_and_line() {
     let text = with_lines(&SQUARE.record(up), |number, line| match number {
         10 => Some(line.rsplit_once(',').unwrap().0.to_owned() + ","),
         20 => Some(line.split_once(',').unwrap().0.to_owned() + ",0,0,0"),
-        // Line 30 says the time of line 29, line 40 that of line 37.
+        // Line 30 has the time of line 29, line 40 that of line 37.
         30 => Some(format!("0.270,{}", line.split_once(',').unwrap().1)),
         40 => Some(format!("0.350,{}", line.split_once(',').unwrap().1)),
         _ => None,
@@ -366,7 +366,7 @@ fn a_kept_calibration_that_makes_two_per_cent_too_much_gets_a_note_and_its_uncer
             .any(|n| n.contains("the sensor reads 1.020 g"))
     };
     assert!(about(&doubtful) && !about(&good), "{:?}", notes(&doubtful));
-    // The length shows an acceleration; the table says what each angle said.
+    // The length shows an acceleration; the table has what each angle stated.
     let reported = |report: &Value| {
         let found = &report["channels"][0]["slopes"][0]["standstill"];
         found["uncertainty_deg"].as_f64().unwrap()

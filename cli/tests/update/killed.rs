@@ -157,28 +157,66 @@ fn order(case: Case) -> String {
     case.nodes.map(|node| node.to_string()).join(",")
 }
 
+/// What came of a killed update and of the same command after it.
+#[derive(Debug)]
+struct Outcome {
+    /// The first call got to its point.
+    reached: bool,
+    /// Exit status, output and errors of the second call.
+    again: (Option<i32>, String, String),
+    /// The longest time without a valid angle, in both calls.
+    longest: Duration,
+}
+
+impl Outcome {
+    fn of(case: Case) -> Self {
+        let bench = Bench::serving(&[]);
+        let image = bench.image("1.0.0", &[]);
+        let done = AtomicBool::new(false);
+        let (reached, again, (longest, _)) = thread::scope(|scope| {
+            let watch = scope.spawn(|| longest_without_an_angle(&bench.bus, &done));
+            thread::sleep(Duration::from_secs(3));
+            let reached = killed(&bench, &image, case);
+            let again = said(&bench.update(&image, &["--nodes", &order(case)]));
+            done.store(true, Ordering::Relaxed);
+            (reached, again, watch.join().unwrap())
+        });
+        Self {
+            reached,
+            again,
+            longest,
+        }
+    }
+
+    /// Both nodes run the new program, and the pair was never long without an angle.
+    fn is_sound(&self) -> bool {
+        let (status, out, _) = &self.again;
+        let lines = [1, 2].map(|node| format!("node {node} runs 1.0.0"));
+        let run = lines.iter().all(|line| out.contains(line));
+        let angle = self.longest > Duration::ZERO && self.longest < Duration::from_secs(2);
+        self.reached && *status == Some(0) && run && angle
+    }
+}
+
 /// What went wrong with a case, if anything did.
 fn carry_out(case: Case) -> Option<String> {
-    let bench = Bench::serving(&[]);
-    let image = bench.image("1.0.0", &[]);
-    let done = AtomicBool::new(false);
-    let (reached, (status, out, err), (longest, _)) = thread::scope(|scope| {
-        let watch = scope.spawn(|| longest_without_an_angle(&bench.bus, &done));
-        thread::sleep(Duration::from_secs(3));
-        let reached = killed(&bench, &image, case);
-        let again = said(&bench.update(&image, &["--nodes", &order(case)]));
-        done.store(true, Ordering::Relaxed);
-        (reached, again, watch.join().unwrap())
+    let outcome = Outcome::of(case);
+    (!outcome.is_sound()).then(|| format!("{case:?}: {outcome:?}"))
+}
+
+/// Node 1 was left PRE-OPERATIONAL, so the second call took the only channel at work out as well.
+#[test]
+fn an_update_after_a_killed_one_took_the_only_channel_at_work_out() {
+    let outcome = Outcome::of(Case {
+        nodes: [1, 2],
+        which: 0,
+        point: Point::Middle,
     });
-    let both = case.nodes.map(|node| format!("node {node} runs 1.0.0"));
-    let run = both.iter().all(|line| out.contains(line));
-    let angle = longest > Duration::ZERO && longest < Duration::from_secs(2);
-    let sound = reached && status == Some(0) && run && angle;
-    (!sound).then(|| {
-        format!(
-            "{case:?}: reached {reached}, {status:?}, {longest:?} without an angle, {out} {err}"
-        )
-    })
+    assert!(outcome.is_sound(), "{outcome:?}");
+    let lines: Vec<_> = outcome.again.1.lines().collect();
+    assert_eq!(lines[0], "node 1 was not OPERATIONAL, and is started");
+    assert!(lines.contains(&"node 1 runs 1.0.0 now"), "{lines:?}");
+    assert_eq!(lines.last(), Some(&"node 2 runs 1.0.0 now"));
 }
 
 /// A long run tries every case; any other one of each kind: a node that leaves, one amid its

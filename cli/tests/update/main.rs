@@ -82,43 +82,6 @@ fn an_update_of_the_paper_s_pair_at_work_asked_for_a_stop() {
     assert!(states.contains("00") && states.contains("01"), "{states:?}");
 }
 
-/// Node 1 was left PRE-OPERATIONAL, so the second call took the only channel at work out as well.
-#[test]
-fn an_update_after_a_killed_one_took_the_only_channel_at_work_out() {
-    let bench = Bench::serving(&[]);
-    let body = bench.folder.0.path().join("body");
-    std::fs::write(&body, vec![0x5A; 100_000]).unwrap();
-    let body = body.display().to_string();
-    let image = bench.image("1.0.0", &["--a", &body, "--b", &body]);
-    let done = AtomicBool::new(false);
-    let (outcome, (longest, _)) = std::thread::scope(|scope| {
-        let watch = scope.spawn(|| longest_without_an_angle(&bench.bus, &done));
-        std::thread::sleep(Duration::from_secs(3));
-        // In the first node's clear or download.
-        let mut killed = plumb(&["update", &image, "--bus", &bench.bus])
-            .stdout(Stdio::null())
-            .spawn()
-            .unwrap();
-        std::thread::sleep(Duration::from_secs(6));
-        assert!(killed.try_wait().unwrap().is_none());
-        killed.kill().unwrap();
-        killed.wait().unwrap();
-        let outcome = said(&bench.update(&image, &[]));
-        done.store(true, Ordering::Relaxed);
-        (outcome, watch.join().unwrap())
-    });
-    let (status, out, err) = outcome;
-    assert_eq!(status, Some(0), "{err}\n{out}");
-    let lines: Vec<_> = out.lines().collect();
-    assert_eq!(lines[0], "node 1 was not OPERATIONAL, and is started");
-    assert!(lines.contains(&"node 1 runs 1.0.0 now"), "{out}");
-    assert_eq!(lines.last(), Some(&"node 2 runs 1.0.0 now"));
-    assert!(
-        longest > Duration::ZERO && longest < Duration::from_secs(2),
-        "{longest:?}"
-    );
-}
-
 #[test]
 fn a_program_that_fails_its_self_check_is_rolled_back_and_the_other_node_left_alone() {
     let bench = Bench::new();

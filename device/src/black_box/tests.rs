@@ -161,7 +161,7 @@ fn syncs(range: core::ops::RangeInclusive<u32>) -> Vec<u32> {
 }
 
 #[test]
-fn each_field_stands_where_the_table_says() {
+fn each_field_stands_where_the_table_has_it() {
     let mut recorder = BlackBox::new();
     let told = Frame {
         own: core::array::from_fn(|n| n as u8),

@@ -9,7 +9,7 @@
 //! (R5, R7); nothing is averaged beyond the low-pass, as in the paper. Points may come in any
 //! order, so the motor may turn either way.
 //!
-//! The residual of a point is what the calibration in force says there, less the reference. A
+//! The residual of a point is what the calibration in force gives there, less the reference. A
 //! verification round (R15) is therefore a run that is abandoned: above the tolerance of 0.20 deg
 //! of the worst residual, calibrate anew.
 //!

@@ -65,7 +65,7 @@ pub(super) struct Matching {
     misses: u8,
     /// SYNCs in a row without a whole exchange.
     incomplete: u8,
-    /// What the peer said last.
+    /// What the peer sent last.
     peer: Observation,
     /// What the estimator has found may come from a fault of the sensor.
     follows_fault: bool,
@@ -139,7 +139,7 @@ impl<P: Part, M: Memory, I: Instrument> Device<P, M, I> {
             self.end_standing_in(now);
         }
         if self.parts.values.state != State::Operational {
-            // No PDOs here, so nobody is silent who says nothing.
+            // No PDOs here, so nobody is silent who sends nothing.
             self.parts.values.pending.unanswered = None;
             self.matching.came = Pdos::NONE;
             self.matching.excuse();
@@ -230,8 +230,8 @@ impl<P: Part, M: Memory, I: Instrument> Device<P, M, I> {
         self.judge_sync(&own.observation, &peer, (own.at, now));
     }
 
-    /// A channel that reports a fault itself doesn't wait for a SYNC to say so. The black box does:
-    /// its frames are those of SYNCs.
+    /// A channel that reports a fault itself doesn't wait for a SYNC to report it. The black box
+    /// does: its frames are those of SYNCs.
     pub(super) fn watch_own(&mut self, now: Instant) {
         let fault = self
             .parts
@@ -287,7 +287,7 @@ impl<P: Part, M: Memory, I: Instrument> Device<P, M, I> {
         }
     }
 
-    /// Judges at `now` what was said at the SYNC of `at`, and keeps it.
+    /// Judges at `now` what was observed at the SYNC of `at`, and keeps it.
     fn judge_sync(&mut self, own: &Observation, peer: &Observation, (at, now): (Instant, Instant)) {
         self.judge(own, peer, (at, now));
         self.restart_estimator(&own.reading);

@@ -74,7 +74,7 @@ impl<P: Part, M: Memory, I: Instrument> Device<P, M, I> {
         }
         let unheard = self.parts.values.process.source == SyncSource::None;
         if unheard || self.parts.values.state != State::Operational {
-            // Nobody says when to tell the peer, or it is not told: then 2010h is what is so now.
+            // No SYNC sets when to tell the peer, or it is not told: then 2010h is what is so now.
             let own_fault = self.parts.pair.own_fault();
             let observation = Observation::from(self.parts.values.process.measured);
             let shown = self.parts.presentation();

@@ -1,4 +1,4 @@
-//! What this node says and the bus has not taken yet: how late it is, and when it is too old.
+//! What this node sends and the bus has not taken yet: how late it is, and when it is too old.
 //!
 //! In: frames handed to the controller, frames that have gone out, SYNCs, the time. Out: whether
 //! PDOs go out after later SYNCs than the one that they were made for, since who hears such a PDO
@@ -18,7 +18,7 @@ use instant::Instant;
 /// Identifiers of PDOs in the predefined connection set (CiA 301, table 39).
 pub(super) const PDOS: core::ops::RangeInclusive<u16> = 0x180..=0x57F;
 
-/// The last identifier of a safety frame (EN 50325-5). Its frames know no SYNC.
+/// The last identifier of a safety frame (EN 50325-5). Its frames belong to no SYNC.
 const LAST_SAFETY: u16 = 0x180;
 
 /// Identifiers of which frames may be on their way at once: three mailboxes, and five places beside
@@ -41,7 +41,7 @@ enum Course {
     Free,
     /// The driver is to take it back.
     Recalled,
-    /// The driver knows.
+    /// The driver has been given the recall.
     Told,
 }
 
@@ -236,7 +236,7 @@ impl Sending {
         Some(place.cob_id)
     }
 
-    /// True when what this node says gets onto the bus too late to be told from what is new.
+    /// True when what this node sends gets onto the bus too late to be told from what is new.
     pub(super) const fn is_late(&self) -> bool {
         self.waits > WAITS_ALLOWED || self.late > LATE_ALLOWED
     }
@@ -370,7 +370,7 @@ mod tests {
     }
 
     #[test]
-    fn a_safety_frame_knows_no_sync() {
+    fn a_safety_frame_belongs_to_no_sync() {
         let mut sending = Sending::new();
         for n in 0..10 {
             sending.hand_over(0x101, Some(ms(n * 10 + 9)));

@@ -36,7 +36,7 @@ impl<F: NorFlash> RingMemory<F> {
     /// A step of making that room: one page at most is erased.
     pub(super) fn prepare_step(&mut self, length: u32) -> Result<Progress, StoreError> {
         match self.records.prepare(&mut self.flash, length) {
-            // A record that has lost a bit says so once; what is left of it counts then.
+            // A record that has lost a bit is reported once; what is left of it counts then.
             Err(RecordError::Damaged(_)) => Ok(Progress::More),
             prepared => Ok(prepared?),
         }

@@ -1,6 +1,6 @@
 //! Builders that keep the rows short: each starts a row and each method adds one property.
 //!
-//! In: what a row says. Out: a [`Row`], all at compile time.
+//! In: what a row contains. Out: a [`Row`], all at compile time.
 //!
 //! Left out: whether the row makes sense, which `table` checks for all of them.
 

@@ -1,6 +1,6 @@
 //! The communication profile, 1000h to 1FFFh without PDOs and SRDOs (CiA 301, 7.5.2).
 //!
-//! In: nothing. Out: the rows. Their meaning is the standard's; the texts say what this
+//! In: nothing. Out: the rows. Their meaning is the standard's; the texts describe what this
 //! instrument does with them.
 //!
 //! Left out: 1400h to 1BFFh (`pdo`), 1300h to 13FFh (`safety`), and the behaviour (`canopen`).
@@ -19,7 +19,7 @@ pub const NAME: &str = "Plumb inclinometer";
 pub const HARDWARE_VERSION: &str = "1.0";
 /// 100Ah.
 pub const SOFTWARE_VERSION: &str = env!("CARGO_PKG_VERSION");
-/// 1018h sub 1. No number has been assigned by CiA: 0 says so, and clashes with nobody. Whoever
+/// 1018h sub 1. No number has been assigned by CiA: 0 means that, and clashes with nobody. Whoever
 /// sells the instrument puts their own number here.
 pub const VENDOR_ID: u32 = 0;
 /// 1018h sub 2 of channel A: "PL" and the number of the channel.

@@ -42,7 +42,7 @@ use crate::records::{EventStore, Record, RecordStore, StoreError, parameters};
 pub trait Source<C: Composition = Whole> {
     /// The reading at `now`.
     fn reading(&self, settings: &Settings<C>, now: Instant) -> Reading;
-    /// All that the channel says at `now`, a SYNC.
+    /// All that the channel reports at `now`, a SYNC.
     fn observe(&mut self, settings: &Settings<C>, now: Instant) -> Observation;
     /// What is so at this very moment, where there is a gyroscope.
     fn moment(&self, _settings: &Settings<C>, _now: Instant) -> Moment {

@@ -579,8 +579,8 @@ const QUALITY: &str = "0: no value yet. 1 to 31: no angle, for the reason of 202
 const COARSE: &str = "2^-13 g";
 const VECTOR: &str = "Along the housing's axes X, Y, Z; -32768: there is none.";
 const CAPTURED: &str = "Instant of the SYNC on the sender's clock, the low byte.";
-const ACTIVITY: &str = "Energy above 150 Hz since the SYNC before, 8 steps per doubling; 64 is the \
-     channel's own noise, 0: too few samples, 255: samples are missing.";
+const ACTIVITY: &str = "Energy above 150 Hz since the SYNC before, 8 steps per doubling; 64 is \
+     white noise as large as the channel's own, 0: too few samples, 255: samples are missing.";
 pub(super) const UNKNOWN: &str = "65535: not known, or 65.535 deg and more.";
 const NONE: &str = "-32768: there is none. Larger ones stop at 32767.";
 

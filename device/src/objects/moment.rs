@@ -2,8 +2,8 @@
 //! the moment of SYNC, 2029h and 202Ah, and what its gyroscope measures before any correction,
 //! summed up, 2034h. CiA 410 is not known to have objects for any of it.
 //!
-//! In: what the channel says at a SYNC, or at the last look where there is none. Out: the rows, and
-//! the numbers behind them; TPDO 5 and 6 (`pdo`) carry them. The angles are shown as 6010h and
+//! In: what the channel reports at a SYNC, or at the last look where there is none. Out: the rows,
+//! and the numbers behind them; TPDO 5 and 6 (`pdo`) carry them. The angles are shown as 6010h and
 //! 6020h are: unit, inversion, preset and offsets are theirs.
 //!
 //! A master that wants no more than the first instrument has reads none of it: 6010h and 6020h keep
@@ -117,7 +117,7 @@ const REASON: &str = "0: valid; otherwise why there is none, as in 2025h.";
 const RATE: &str = "About the housing's axes X, Y, Z, right-handed. Larger ones stop at +-32767. \
      -32768: there is none.";
 
-/// What a channel with a gyroscope says of one moment.
+/// What a channel with a gyroscope reports of one moment.
 #[derive(Clone, Copy, Debug)]
 pub struct Moment {
     /// The angles of that moment.

@@ -81,7 +81,7 @@ pub struct Process {
     pub latency_us: u32,
     /// SYNCs obeyed.
     pub syncs: u32,
-    /// SYNCs for which the peer said nothing in time.
+    /// SYNCs for which the peer sent nothing in time.
     pub missed: u16,
     /// Where SYNC comes from.
     pub source: SyncSource,
@@ -241,7 +241,7 @@ impl<'a, C: Composition> Shown<'a, C> {
         Axes { x, y }: &'m Reading,
         axis: usize,
     ) -> Result<&'m Measurement, Invalid> {
-        // A channel that measures nothing says why, whatever is found of it.
+        // A channel that measures nothing reports why, whatever is found of it.
         let measured = if axis == 0 { x } else { y }.as_ref();
         let measured = measured.map_err(|reason| *reason)?;
         self.usable()?;

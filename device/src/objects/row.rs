@@ -24,7 +24,7 @@ pub enum Shape {
 /// What an object holds when the device leaves the factory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Default {
-    /// Nothing to say: measured, counted, or a DOMAIN.
+    /// Nothing fixed: measured, counted, or a DOMAIN.
     None,
     /// This number.
     Value(i64),

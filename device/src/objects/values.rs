@@ -21,7 +21,7 @@ use crate::program::Program;
 /// What belongs to one SYNC.
 #[derive(Clone, Copy, Debug)]
 pub struct Latched {
-    /// What this channel says.
+    /// What this channel reports.
     pub observation: Observation,
     /// When SYNC was.
     pub at: Instant,
@@ -139,8 +139,8 @@ impl Values {
         self.pending.sync = true;
     }
 
-    /// Puts into the exchange what the peer is to know: a channel that is held faulty says so
-    /// instead of an angle.
+    /// Puts into the exchange what the peer is to have: a channel that is held faulty reports
+    /// that instead of an angle.
     pub fn tell(
         &mut self,
         observation: &Observation,

@@ -29,7 +29,7 @@ pub enum Refused {
 }
 
 impl Refused {
-    /// The SDO abort code that says so.
+    /// The SDO abort code for it.
     pub const fn abort(self) -> Abort {
         match self {
             Self::Resolution | Self::Operating => Abort::InvalidValue,

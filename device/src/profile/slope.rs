@@ -143,7 +143,7 @@ impl Slope {
         Ok(())
     }
 
-    /// The angle as measured in units of the resolution, inverted where bit 0 says so.
+    /// The angle as measured in units of the resolution, inverted where bit 0 is set.
     fn signed(&self, measured: Angle, scale: &Scale) -> i32 {
         let units = scale.resolution.units(measured);
         scale.wrap(if self.is(INVERTED) { -units } else { units })

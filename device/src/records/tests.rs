@@ -106,7 +106,7 @@ fn the_bytes_of_an_entry_are_as_documented() {
 }
 
 #[test]
-fn a_full_store_says_so() {
+fn a_full_store_is_reported() {
     let mut store = Memory::with_room(7);
     store.begin(Record::Lss, 64).unwrap();
     let error = put(&mut store, at(0x2000, 1), &Value::u32(1));

@@ -225,7 +225,7 @@ impl World {
         }
     }
 
-    /// Everything that a node has to say goes to the master alone; true when it has agreed to a
+    /// Everything that a node has to send goes to the master alone; true when it has agreed to a
     /// write.
     fn flush(&mut self, number: usize) -> bool {
         let device = &mut self.nodes[number].device;
@@ -268,7 +268,7 @@ impl World {
         self.next_sync = self.now.offset(sync_us.unwrap_or(0));
     }
 
-    /// Lets both do what is due until neither has anything left to say.
+    /// Lets both do what is due until neither has anything left to send.
     fn pump(&mut self, heard: &mut dyn FnMut(&Self, Heard)) {
         for number in NODES {
             self.serve(number);

@@ -22,9 +22,9 @@ fn at_work(memory: &Memory) -> Pair {
 
 /// The other channel goes off, and comes back when the box is full.
 fn incident(pair: &mut Pair) {
-    pair.peer.says = tilted(2.0);
+    pair.peer.sends = tilted(2.0);
     pair.seconds(1.0);
-    pair.peer.says = level();
+    pair.peer.sends = level();
     pair.seconds(3.5);
 }
 
@@ -85,7 +85,7 @@ fn a_cut_at_any_operation_of_a_box_leaves_the_first_as_it_was_and_the_second_old
         if let Some(cut) = cut {
             pair.device.memory().flash_mut().cut_after(cut);
         }
-        pair.peer.says = tilted(2.0);
+        pair.peer.sends = tilted(2.0);
         pair.seconds(0.8);
         let operations = pair.device.memory().flash().operations() - before;
         pair.device.memory().flash_mut().power_up();
@@ -106,7 +106,7 @@ fn a_cut_at_any_operation_of_a_box_leaves_the_first_as_it_was_and_the_second_old
         assert_eq!(pair.device.memory().flash().broken_rules(), 0, "{cut}");
         if cut % 50 == 0 {
             // What was cut does not stand in the way of the next one.
-            pair.peer.says = level();
+            pair.peer.sends = level();
             pair.syncs(40);
             let mut pair = pair.set_policy(1, 1).at_work();
             incident(&mut pair);
@@ -161,10 +161,10 @@ fn without_room_the_latest_event_is_held_until_a_page_may_be_erased() {
 fn of_two_events_in_a_row_both_are_kept_whenever_the_second_comes() {
     for syncs in 0..60 {
         let mut pair = at_work(&site::blank());
-        pair.peer.says = tilted(2.0);
+        pair.peer.sends = tilted(2.0);
         pair.seconds(0.2);
         pair.syncs(syncs);
-        pair.peer.says = level().refused(Invalid::Noise);
+        pair.peer.sends = level().refused(Invalid::Noise);
         pair.seconds(2.0);
         let first = shown(&mut pair, 1).unwrap();
         assert_eq!(frames(&first), (32, 16), "{syncs}");

@@ -43,7 +43,7 @@ fn what_is_shown_of_the_other_channel_keeps_2007h_as_well() {
     pair.syncs(1);
     assert_eq!(pair.read(at(0x2020, 0)) & 0xF, 0xF);
     let vague = Uncertainty::from_degrees(f64::from(own) * 4e-3);
-    let Axes { x, y } = &mut pair.peer.says.reading;
+    let Axes { x, y } = &mut pair.peer.sends.reading;
     for axis in [x, y] {
         let measured = axis.as_mut().unwrap();
         (measured.uncertainty, measured.unshared) = (vague, vague);

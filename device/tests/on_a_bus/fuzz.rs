@@ -187,7 +187,7 @@ const fn acts(index: u16) -> bool {
     matches!(index, 0x1010 | 0x1011 | 0x1F51)
 }
 
-/// 13FEh and 63FEh know two states: A5h, and anything else, which reads 0.
+/// 13FEh and 63FEh have two states: A5h, and anything else, which reads 0.
 const fn settled(index: u16, number: u64) -> u64 {
     if matches!(index, 0x13FE | 0x63FE) && number != 0xA5 {
         0

@@ -49,14 +49,14 @@ fn a_channel_that_started_alone_was_valid_without_ever_having_been_compared() {
         assert_eq!((told.is_valid(), told.state), (false, 8), "{told:?}");
         assert_eq!(pair.read(at(0x2025, 1)), 18);
         assert!(pair.has(Fault::PeerChannel));
-        // What the other one says of itself is no comparison either.
+        // What the other one reports of itself is no comparison either.
         pair.peer.silent = false;
-        pair.peer.says = level().refused(Invalid::Stuck);
+        pair.peer.sends = level().refused(Invalid::Stuck);
         pair.seconds(4.0);
         assert_eq!((pair.told().is_valid(), pair.told().state), (false, 8));
         assert_eq!(pair.read(at(0x2025, 1)), 18);
         // Once compared it goes on alone, if it may.
-        pair.peer.says = level();
+        pair.peer.sends = level();
         pair.seconds(2.0);
         assert!(pair.told().is_valid());
         pair.peer.silent = true;
@@ -91,14 +91,14 @@ fn a_peer_that_was_never_heard_was_faulty_for_having_no_sample() {
 #[test]
 fn a_disagreement_takes_the_angles_away_until_a_reset() {
     let mut pair = Pair::working();
-    pair.peer.says = tilted(2.0);
+    pair.peer.sends = tilted(2.0);
     let after = pair.until_refused(1.0);
     assert!(after.is_some_and(|s| s <= 0.3), "{after:?}");
     pair.syncs(2);
     assert_eq!(pair.told().state, 6);
     assert_eq!(pair.read(at(0x2025, 1)), 17);
     assert_eq!(pair.read(at(0x2027, 1)), 0, "nobody is named");
-    pair.peer.says = level();
+    pair.peer.sends = level();
     pair.seconds(10.0);
     let told = pair.told();
     assert!(!told.is_valid() && told.validity & 0x80 != 0, "{told:?}");
@@ -111,12 +111,12 @@ fn a_disagreement_takes_the_angles_away_until_a_reset() {
 #[test]
 fn an_emcy_tells_faults_blame_and_state_and_its_end_is_told_too() {
     let mut pair = Pair::new().set_policy(1, 1).at_work();
-    pair.peer.says = tilted(2.0);
+    pair.peer.sends = tilted(2.0);
     pair.seconds(1.0);
     let told = pair.of(0x81);
     // FF13h, register: any and device-specific, fault 12, nobody blamed, state 6.
     assert_eq!(told, [[0x13, 0xFF, 0x81, 0, 0x10, 0, 0, 6]]);
-    pair.peer.says = level();
+    pair.peer.sends = level();
     pair.seconds(3.0);
     assert_eq!(pair.of(0x81)[1..], [[0, 0, 0, 0, 0, 0, 0, 1]]);
     assert!(pair.told().is_valid());
@@ -125,7 +125,7 @@ fn an_emcy_tells_faults_blame_and_state_and_its_end_is_told_too() {
 #[test]
 fn a_peer_s_own_word_is_told_with_its_reason() {
     let mut pair = Pair::working();
-    pair.peer.says = level().refused(Invalid::Noise);
+    pair.peer.sends = level().refused(Invalid::Noise);
     pair.seconds(0.5);
     // FF15h: fault 14; the peer is blamed for noise; state 8.
     assert_eq!(
@@ -137,7 +137,7 @@ fn a_peer_s_own_word_is_told_with_its_reason() {
         (2, 10)
     );
     // It takes its word back, and a second later it counts again: its latch is its own.
-    pair.peer.says = level();
+    pair.peer.sends = level();
     pair.seconds(1.5);
     assert_eq!(pair.emergencies(), [0xFF15, 0]);
     assert_eq!(pair.told().state, 1);
@@ -146,7 +146,7 @@ fn a_peer_s_own_word_is_told_with_its_reason() {
 #[test]
 fn a_disagreement_was_forgotten_when_the_other_channel_fell_silent() {
     let mut pair = Pair::working();
-    pair.peer.says = tilted(2.0);
+    pair.peer.sends = tilted(2.0);
     pair.seconds(1.0);
     assert_eq!(pair.told().state, 6);
     pair.peer.silent = true;
@@ -158,11 +158,11 @@ fn a_disagreement_was_forgotten_when_the_other_channel_fell_silent() {
     assert_eq!(pair.read(at(0x2025, 1)), 17);
     // Neither does it help that the other one has lost its sensor's set-up.
     pair.peer.silent = false;
-    pair.peer.says = level().refused(Invalid::PartReset);
+    pair.peer.sends = level().refused(Invalid::PartReset);
     pair.seconds(2.0);
     assert!(!pair.told().is_valid(), "{:?}", pair.told());
     // It has found out that it is the wrong one.
-    pair.peer.says = level().refused(Invalid::Biased);
+    pair.peer.sends = level().refused(Invalid::Biased);
     pair.seconds(2.0);
     assert!(pair.told().is_valid(), "{:?}", pair.told());
 }
@@ -172,10 +172,10 @@ fn a_calibration_that_was_found_damaged_after_the_difference_took_both_angles() 
     use Invalid::{Corrupt, Noise, Spikes, Stuck, Thermometer};
     for reason in [Corrupt, Noise, Spikes, Stuck, Thermometer] {
         let mut pair = Pair::working();
-        pair.peer.says = tilted(2.0);
+        pair.peer.sends = tilted(2.0);
         pair.seconds(1.0);
         assert_eq!((pair.told().is_valid(), pair.told().state), (false, 6));
-        pair.peer.says = level().refused(reason);
+        pair.peer.sends = level().refused(reason);
         pair.seconds(1.0);
         let told = pair.told();
         assert_eq!((told.is_valid(), told.state), (true, 8), "{reason:?}");
@@ -200,7 +200,7 @@ fn a_sensor_set_up_anew_is_compared_before_it_goes_on_alone() {
 fn one_channel_alone_works_on_or_does_not() {
     for (degraded, valid) in [(1, true), (0, false)] {
         let mut pair = Pair::new().set_policy(0, degraded).at_work();
-        pair.peer.says = level().refused(Invalid::PartReset);
+        pair.peer.sends = level().refused(Invalid::PartReset);
         pair.seconds(0.5);
         let told = pair.told();
         assert_eq!((told.is_valid(), told.state), (valid, 8), "{told:?}");
@@ -299,7 +299,7 @@ fn for_four_syncs_without_the_second_frame_the_angles_are_compared_alone() {
     let mut pair = Pair::working();
     let missed = pair.device.values().process.missed;
     for angle in [level(), tilted(1.0)] {
-        pair.peer.says = angle;
+        pair.peer.sends = angle;
         for _ in 0..6 {
             pair.peer.backed = false;
             pair.syncs(4);
@@ -361,9 +361,9 @@ fn a_peer_s_boot_up_ends_what_is_held_against_it() {
         ..level()
     };
     let mut pair = Pair::working();
-    pair.peer.says = noisy;
+    pair.peer.sends = noisy;
     pair.seconds(1.0);
-    pair.peer.says = level();
+    pair.peer.sends = level();
     pair.seconds(10.0);
     assert_eq!(pair.told().state, 8, "latched here");
     pair.hears(0x702, &[0]);
@@ -435,7 +435,7 @@ fn a_silence_while_off_the_bus_is_the_own_one() {
 fn log_and_black_box_hold_the_event_and_what_was_on_the_bus_around_it() {
     let mut pair = Pair::working();
     pair.seconds(1.0);
-    pair.peer.says = tilted(2.0);
+    pair.peer.sends = tilted(2.0);
     pair.seconds(2.0);
     let log = pair.upload(at(0x2070, 0));
     assert_eq!(log[..2], [1, 20]);
@@ -453,11 +453,11 @@ fn log_and_black_box_hold_the_event_and_what_was_on_the_bus_around_it() {
     let frames: Vec<&[u8]> = black_box[28..].chunks(34).collect();
     assert_eq!(frames.len(), 48);
     assert_eq!((frames[30][32], frames[31][32], frames[32][32]), (1, 6, 6));
-    // Both halves of what this channel said, one SYNC after the other, are on the bus's record.
+    // Both halves of what this channel sent, one SYNC after the other, are on the bus's record.
     for (id, from) in [(0x381, 0), (0x481, 8)] {
-        let said = pair.of(id);
+        let sent = pair.of(id);
         let kept: Vec<&[u8]> = frames.iter().map(|frame| &frame[from..from + 8]).collect();
-        let mut runs = said.windows(kept.len());
+        let mut runs = sent.windows(kept.len());
         assert!(
             runs.any(|run| run.iter().eq(kept.iter().copied())),
             "{id:X}"
@@ -555,13 +555,13 @@ fn an_event_between_two_syncs_left_a_frame_twice_and_shortened_the_period() {
 fn no_safety_frame_goes_out_in_any_fault() {
     type Begin = fn(&mut Pair);
     let faults: [(&str, Begin); 11] = [
-        ("disagreement", |pair| pair.peer.says = tilted(2.0)),
+        ("disagreement", |pair| pair.peer.sends = tilted(2.0)),
         ("peer faulty", |pair| {
-            pair.peer.says = level().refused(Invalid::Stuck)
+            pair.peer.sends = level().refused(Invalid::Stuck)
         }),
         ("peer silent", |pair| pair.peer.silent = true),
         ("peer over range", |pair| {
-            pair.peer.says = level().refused(Invalid::OverRange)
+            pair.peer.sends = level().refused(Invalid::OverRange)
         }),
         ("brown-out", |pair| pair.brown_out()),
         ("thermometer", |pair| pair.warm(35.0)),

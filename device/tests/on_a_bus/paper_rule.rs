@@ -21,11 +21,11 @@ fn the_paper_s_rule_is_taken_at_the_next_reset() {
     let mut pair = Pair::new();
     pair.write(at(0x2003, 0), Value::u8(1));
     let mut pair = pair.at_work();
-    pair.peer.says = tilted(1.0);
+    pair.peer.sends = tilted(1.0);
     pair.seconds(1.0);
     assert_eq!(pair.told().state, 6, "still the product's");
     let mut pair = judging();
-    pair.peer.says = tilted(1.0);
+    pair.peer.sends = tilted(1.0);
     pair.seconds(1.0);
     assert_eq!(pair.told().state, 2);
     assert!(pair.told().is_valid(), "a warning is part of the work");
@@ -50,10 +50,10 @@ fn a_peer_that_had_announced_its_absence_was_a_physical_fault_in_paper_mode() {
             assert_eq!((told.is_valid(), told.state), (true, 0), "{word:?}");
         }
         pair.peer.silent = false;
-        pair.peer.says = level().refused(Invalid::Settling);
+        pair.peer.sends = level().refused(Invalid::Settling);
         pair.seconds(1.0);
         assert_eq!(pair.told().state, 0, "{word:?}: it starts");
-        pair.peer.says = level();
+        pair.peer.sends = level();
         pair.seconds(1.0);
         assert_eq!(pair.told().state, 1, "{word:?}");
         pair.peer.silent = true;

@@ -1,6 +1,6 @@
 //! One device with a part whose registers the test holds, on a bus with a peer that is played.
 //!
-//! In: registers, what the peer says, SYNCs. Out: every frame of the device, and an SDO client.
+//! In: registers, what the peer sends, SYNCs. Out: every frame of the device, and an SDO client.
 
 use crate::registers::{Hurry, Part};
 use crate::site::{Memory, along, blank, factory};
@@ -26,7 +26,7 @@ const SAMPLE_US: i64 = 2_500;
 /// A slope in 16 bit that is no angle.
 pub const NO_SLOPE: i16 = i16::MIN;
 
-/// What a healthy channel says that is tilted about one axis.
+/// What a healthy channel reports that is tilted about one axis.
 pub fn tilted(degrees: f64) -> Observation {
     let (sin, cos) = degrees.to_radians().sin_cos();
     let vector = Corrected {
@@ -60,7 +60,7 @@ pub fn level() -> Observation {
 /// The other channel as this test plays it.
 #[derive(Clone, Copy, Debug)]
 pub struct Peer {
-    pub says: Observation,
+    pub sends: Observation,
     pub shows: Presentation,
     pub silent: bool,
     /// Whether the second frame of the exchange comes.
@@ -79,7 +79,7 @@ impl Told {
     pub fn is_valid(&self) -> bool {
         let marked = self.validity & 3 == 3;
         let shown = !self.slopes.contains(&NO_SLOPE);
-        assert_eq!(marked, shown, "value and validity say the same: {self:?}");
+        assert_eq!(marked, shown, "value and validity agree: {self:?}");
         marked
     }
 }
@@ -91,7 +91,7 @@ pub struct Pair {
     pub peer: Peer,
     pub now: Instant,
     next_sample: Instant,
-    said: Vec<(Instant, Frame)>,
+    sent: Vec<(Instant, Frame)>,
     pub sensor_restarts: u32,
     /// The controller does not get rid of its frame.
     pub blocked: bool,
@@ -113,14 +113,14 @@ impl Pair {
             ),
             part,
             peer: Peer {
-                says: level(),
+                sends: level(),
                 shows: Presentation::AS_MEASURED,
                 silent: false,
                 backed: true,
             },
             now: Instant(1_000_000),
             next_sample: Instant(1_000_000),
-            said: Vec::new(),
+            sent: Vec::new(),
             sensor_restarts: 0,
             blocked: false,
             waiting: None,
@@ -141,7 +141,7 @@ impl Pair {
         self.syncs(400);
         assert_eq!(self.state(), 1, "{:?}", self.device.values().process);
         assert!(self.told().is_valid());
-        self.said.clear();
+        self.sent.clear();
         self
     }
 
@@ -165,7 +165,7 @@ impl Pair {
         self.now = until;
     }
 
-    /// Everything the device says now, acknowledged unless the controller is kept from it.
+    /// Everything the device sends now, acknowledged unless the controller is kept from it.
     pub fn listen(&mut self) {
         self.device.poll(self.now);
         while !self.off {
@@ -179,7 +179,7 @@ impl Pair {
                 break;
             }
             self.device.sent(&frame, self.now);
-            self.said.push((self.now, frame));
+            self.sent.push((self.now, frame));
         }
         match self.device.take_request() {
             Some(BoardRequest::Reset) => self.boot(),
@@ -201,7 +201,7 @@ impl Pair {
         self.listen();
     }
 
-    /// A period with SYNC at its end and what the other channel says to it.
+    /// A period with SYNC at its end and what the other channel sends for it.
     pub fn sync(&mut self) {
         let end = self.now.offset(SYNC_US);
         self.pass(SYNC_US - 1000);
@@ -219,7 +219,7 @@ impl Pair {
     }
 
     pub fn exchange(&self, at: Instant) -> [[u8; 8]; 2] {
-        let bytes = exchange::encode(&self.peer.says, self.peer.shows, at).bytes();
+        let bytes = exchange::encode(&self.peer.sends, self.peer.shows, at).bytes();
         let (first, second) = bytes.split_at(8);
         [first.try_into().unwrap(), second.try_into().unwrap()]
     }
@@ -245,7 +245,7 @@ impl Pair {
     /// The bytes of all frames of an identifier.
     pub fn of(&self, id: u16) -> Vec<Vec<u8>> {
         let of = self
-            .said
+            .sent
             .iter()
             .filter(|(_, frame)| frame.cob_id() == Some(id));
         of.map(|(_, frame)| frame.bytes().to_vec()).collect()

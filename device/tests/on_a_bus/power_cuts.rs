@@ -26,7 +26,7 @@ fn powered(memory: Memory) -> Site {
     Site::with(Channel::A, along(0x2D), memory)
 }
 
-/// Cuts each operation of `store` on a device with this memory; `shows` says what it shows after
+/// Cuts each operation of `store` on a device with this memory; `shows` returns what it shows after
 /// the restart: whether that is the new. How many operations there were.
 fn cut_each(
     memory: &Memory,

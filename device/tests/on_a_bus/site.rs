@@ -134,7 +134,7 @@ impl Site {
         self.boot();
     }
 
-    /// Everything the device says now, acknowledged by the bus, and what it wishes.
+    /// Everything the device sends now, acknowledged by the bus, and what it wishes.
     fn listen(&mut self) {
         self.device.poll(self.now);
         let server = 0x580 + u16::from(self.device.bus().node_id());

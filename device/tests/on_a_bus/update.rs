@@ -226,7 +226,7 @@ fn identity(file: &[u8]) -> u64 {
 #[test]
 fn an_image_with_another_signature_of_the_same_body_passed_for_the_one_under_way() {
     let file = image(Slot::B, NEW, HARDWARE);
-    // What 2080h says of the image under way when so many segments of it have come.
+    // What 2080h shows of the image under way when so many segments of it have come.
     let under_way = |file: &[u8], segments: usize| {
         let mut site = powered(delivered());
         clear(&mut site);
@@ -243,12 +243,12 @@ fn an_image_with_another_signature_of_the_same_body_passed_for_the_one_under_way
     // A signature is over the version, too.
     let mut signed = file.clone();
     signed[FIELDS - 1] = 0;
-    let said = [&file, &signed].map(|file| under_way(file, 20));
+    let shown = [&file, &signed].map(|file| under_way(file, 20));
     assert_eq!(
-        said,
+        shown,
         [identity(&file), identity(&signed)].map(|sum| [sum, 140])
     );
-    assert!(said[0] != said[1]);
+    assert!(shown[0] != shown[1]);
     // Before all of the signature is here nothing can go on.
     assert_eq!(under_way(&file, 13), [0, 0]);
     assert_eq!(under_way(&file, 14), [identity(&file), 98]);

@@ -394,7 +394,7 @@ fn interrupted(chip: &Chip, read: impl Fn(RegisterARM) -> u32) -> bool {
     masks.let_through(waiting, &chip.nvic) && read(RegisterARM::XPSR) & IT_STATE == 0
 }
 
-/// An exception that the engine knows of: notes it, and stops.
+/// An exception that the engine raises: notes it, and stops.
 fn on_interrupt(engine: &mut Unicorn<'_, Keeper>, number: u32) {
     let at = engine.reg_read(RegisterARM::PC).unwrap_or(0) as u32;
     let stop = match number {

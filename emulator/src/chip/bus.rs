@@ -60,7 +60,7 @@ impl Chip {
 
     /// A store of `size` bytes, anywhere but in flash and RAM.
     pub fn write(&mut self, address: u32, size: u32, value: u32) {
-        // What has neither interrupts nor times of its own: it says itself when it has.
+        // What has neither interrupts nor times of its own: it reports itself when it has.
         if !matches!(Place::of(address), Some(Place::Spi | Place::Port(_))) {
             self.attention = 0;
         }

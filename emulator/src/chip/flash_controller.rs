@@ -137,7 +137,7 @@ pub struct FlashController {
     lock: Lock,
     /// An erase has begun since the last access.
     starting: bool,
-    /// What says how long erases take, and for how long if that was set.
+    /// What sets how long erases take, and for how long if that was set.
     pace: Dice,
     erase_ns: Option<u64>,
     /// Offsets of what the core's copy has to be put right at.

@@ -2,7 +2,7 @@
 //!
 //! In: loads and stores of the code, blocks of instructions as they run, edges of pins, what the
 //! bus tells. Out: exceptions, actions on the bus, requests for a reset, and the counts of
-//! instructions and cycles. One module per peripheral; `bus` knows who is at which address and has
+//! instructions and cycles. One module per peripheral; `bus` has the map of addresses and
 //! a clock, this one when somebody next wants attention.
 //!
 //! Source: RM0008 10.1.2 (interrupts).
@@ -142,7 +142,7 @@ pub struct Chip {
     /// Addresses in code that are watched, and when the code came to them.
     watched: Vec<u32>,
     passed: Vec<(u32, u64)>,
-    /// A store was refused by the bus, and the core does not know yet.
+    /// A store was refused by the bus, and that has not reached the core yet.
     bad_store: bool,
 }
 
@@ -352,7 +352,7 @@ impl Chip {
         self.cycles >= self.attention
     }
 
-    /// Whether the core is to stop before the next block, whatever its masks say.
+    /// Whether the core is to stop before the next block, whatever its masks are.
     pub fn wants_stop(&self) -> bool {
         self.is_at_limit()
             || self.can.has_actions()

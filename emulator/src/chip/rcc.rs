@@ -100,7 +100,7 @@ pub struct Rcc {
     csr: u32,
     hse_ready_ns: u64,
     pll_ready_ns: u64,
-    /// What CFGR says, kept since it is asked at every access to a peripheral.
+    /// What CFGR sets, kept since it is used at every access to a peripheral.
     ratios: Ratios,
 }
 

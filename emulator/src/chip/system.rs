@@ -36,7 +36,7 @@ use flash::layout::{Layout, PAGE};
 
 use super::nvic::{self, Nvic};
 
-/// What the part says that it is: Cortex-M3 r1p1 (PM0056 4.4.2).
+/// The part's identity: Cortex-M3 r1p1 (PM0056 4.4.2).
 pub const CPUID: u32 = 0x411F_C231;
 
 /// The registers.

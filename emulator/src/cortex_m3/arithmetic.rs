@@ -1,7 +1,7 @@
 //! Sums with carry, shifts with carry, saturation.
 //!
-//! Sources: ARMv7-M A2.2.1 (AddWithCarry, shifts), D6.5 (saturation). Left out: flags' names; who
-//! calls says which of them it keeps.
+//! Sources: ARMv7-M A2.2.1 (AddWithCarry, shifts), D6.5 (saturation). Left out: flags' names; the
+//! caller sets which of them are kept.
 
 use super::op::Shift;
 

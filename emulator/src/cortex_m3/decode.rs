@@ -48,7 +48,7 @@ pub struct Decoder<'a> {
 }
 
 impl<'a> Decoder<'a> {
-    /// Decodes the block that begins with `bytes` at `address`, within an IT block as `it` says.
+    /// Decodes the block that begins with `bytes` at `address`, within an IT block as `it` has it.
     pub fn decode(bytes: &'a [u8], address: u32, it: u8) -> Self {
         let mut decoder = Self {
             bytes,
@@ -297,7 +297,7 @@ impl<'a> Decoder<'a> {
         });
     }
 
-    /// A load or store of which a bit says which it is.
+    /// A load or store of which a bit sets which it is.
     fn transfer(&mut self, loads: bool, kind: Kind, t: u8, n: u8, imm: u32) {
         match loads {
             true => self.load(kind, t, n, imm),

@@ -51,7 +51,7 @@ impl Core {
 
     /// Executes an entry; what comes behind it.
     ///
-    /// Errors: it was not executed, or stops the core, as [`Memory::stop`] says.
+    /// Errors: it was not executed, or stops the core, as [`Memory::stop`] has it.
     #[inline(always)]
     pub fn execute(&mut self, op: &Op) -> Result<Next, Stopped> {
         match *op {

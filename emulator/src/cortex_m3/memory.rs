@@ -57,7 +57,7 @@ fn piece_mut<const N: usize>(memory: &mut [u8], base: u32, address: u32) -> Opti
 }
 
 impl Memory {
-    /// Empty memories around `chip`, as large as it says.
+    /// Empty memories around `chip`, of the sizes that it has.
     pub fn new(chip: Chip) -> Self {
         Self {
             flash: vec![0; chip.flash_size() as usize].into(),

@@ -254,7 +254,7 @@ pub enum Op {
         n: Reg,
         m: Reg,
     },
-    /// d = n shifted by as much as m says.
+    /// d = n shifted by as much as m holds.
     ShiftBy {
         shift: Shift,
         d: Reg,

@@ -9,7 +9,7 @@ use sim::lis2dw12::{self, Traits};
 use super::*;
 use crate::chip::Individual;
 
-/// Encoded by hand; the comment beside each says what it is.
+/// Encoded by hand; the comment beside each states what it is.
 fn cpu(code: &[u16]) -> CortexM3 {
     let sensor = Rc::new(RefCell::new(lis2dw12::Chip::new(Traits::TYPICAL)));
     let individual = Individual {
@@ -42,7 +42,7 @@ fn the_core_is_a_cortex_m3() {
     let mut cpu = cpu(&[0xFB10, 0xF000]);
     assert_eq!(cpu.run(), Stop::Fault(Fault::Undefined));
     assert_eq!(cpu.register(Register::Pc), BASE);
-    // A division it has, unlike a Cortex-M0: see the next test. And it says what it is.
+    // A division it has, unlike a Cortex-M0: see the next test. And CPUID is its own.
     assert_eq!(cpu.chip_mut().read(0xE000_ED00, 4), 0x411F_C231);
 }
 

@@ -1,9 +1,9 @@
 //! Bits that go bad among the records: parameters, calibrations, events, in every page.
 //!
 //! In: a node with its own calibration beside the one delivered, parameters stored twice, and a
-//! bit to flip. Out: the node comes up and measures by a calibration that was stored, or says that
-//! it has none; what it shows is what was stored last, or before, and where that is not the last it
-//! is told of by an EMCY.
+//! bit to flip. Out: the node comes up and measures by a calibration that was stored, or reports
+//! that it has none; what it shows is what was stored last, or before, and where that is not the
+//! last it is told of by an EMCY.
 
 use std::collections::BTreeMap;
 
@@ -13,7 +13,7 @@ use flash::layout::{PAGE, RC};
 use sim::rng::Rng;
 use tilt::chain::Calibration;
 
-use crate::bench::{Bench, NEAR_DEG, POSE, SAVE, Said, calibration, delivered};
+use crate::bench::{Bench, NEAR_DEG, POSE, SAVE, Shown, calibration, delivered};
 
 /// Bits flipped in each page, and in each that has anything in it.
 const FLIPS: [u32; 2] = [2, 12];
@@ -42,25 +42,25 @@ fn stored(bench: &mut Bench) -> Cells {
     bench.cells()
 }
 
-/// Starts with these cells: what it says, and the codes that it tells until it measures.
-fn start(bench: &mut Bench, cells: Cells) -> (Said, Vec<u16>) {
+/// Starts with these cells: what it shows, and the codes that it tells until it measures.
+fn start(bench: &mut Bench, cells: Cells) -> (Shown, Vec<u16>) {
     bench.start_past_the_bootloader(cells);
     bench.pair.run(0.5);
-    let said = bench.says();
+    let shown = bench.shown();
     let told = bench.pair.of_id(0x081);
     let told = told.iter().map(|heard| {
         let [low, high, ..] = heard.frame.padded();
         u16::from_le_bytes([low, high])
     });
-    (said, told.collect())
+    (shown, told.collect())
 }
 
 /// The angle that is marked valid is the one that the calibration in force makes.
-fn check_angle(bench: &mut Bench, said: &Said, case: &str) {
+fn check_angle(bench: &mut Bench, shown: &Shown, case: &str) {
     if bench.read(0x2020, 0) & 3 != 3 {
         return;
     }
-    let turned = said.calibration == identity(&calibration(TURN_DEG));
+    let turned = shown.calibration == identity(&calibration(TURN_DEG));
     let roll = POSE.roll_deg;
     let turn = if turned {
         TURN_DEG * roll.to_radians().cos()
@@ -79,7 +79,7 @@ fn check_angle(bench: &mut Bench, said: &Said, case: &str) {
 #[test]
 fn a_bit_gone_bad_in_any_page_of_records_is_reported_and_no_angle_is_invented() {
     let mut bench = Bench::new();
-    let default = bench.says().heartbeat;
+    let default = bench.shown().heartbeat;
     let cells = stored(&mut bench);
     let (whole, told) = start(&mut bench, cells.clone());
     assert_eq!((whole.heartbeat, told), (700, vec![]));
@@ -103,21 +103,21 @@ fn a_bit_gone_bad_in_any_page_of_records_is_reported_and_no_angle_is_invented() 
             let mut cells = cells.clone();
             cells.flip(page * PAGE + at.min(PAGE - 1), 1 << ((flip + at) % 8));
             let case = format!("page {page}, byte {at}");
-            let (said, told) = start(&mut bench, cells);
-            let same = Said {
-                calibration: said.calibration,
-                heartbeat: said.heartbeat,
+            let (shown, told) = start(&mut bench, cells);
+            let same = Shown {
+                calibration: shown.calibration,
+                heartbeat: shown.heartbeat,
                 ..whole
             };
-            assert_eq!(said, same, "{case}");
+            assert_eq!(shown, same, "{case}");
             assert!(
-                [700, 500, default].contains(&said.heartbeat),
-                "{case}: {said:?}"
+                [700, 500, default].contains(&shown.heartbeat),
+                "{case}: {shown:?}"
             );
-            assert!(known.contains(&said.calibration), "{case}: {said:?}");
-            check_angle(&mut bench, &said, &case);
+            assert!(known.contains(&shown.calibration), "{case}: {shown:?}");
+            check_angle(&mut bench, &shown, &case);
             let is_told = told.iter().any(|code| TOLD.contains(code));
-            if said != whole {
+            if shown != whole {
                 *lost.entry(page).or_insert(0) += 1;
                 silent += u32::from(!is_told);
             }
@@ -129,15 +129,15 @@ fn a_bit_gone_bad_in_any_page_of_records_is_reported_and_no_angle_is_invented() 
 }
 
 #[test]
-fn without_the_calibration_that_was_delivered_the_node_says_that_it_has_none() {
+fn without_the_calibration_that_was_delivered_the_node_reports_that_it_has_none() {
     let mut bench = Bench::new();
     let cells = bench.cells();
     let place = |offset: u32| RC.records.start + HEAD + CHUNK + offset;
     for offset in [0, 12, 50, length(&delivered()) - 1] {
         let mut cells = cells.clone();
         cells.flip(place(offset), 1);
-        let (said, told) = start(&mut bench, cells);
-        assert_eq!(said.calibration, identity(&Calibration::NOMINAL));
+        let (shown, told) = start(&mut bench, cells);
+        assert_eq!(shown.calibration, identity(&Calibration::NOMINAL));
         assert_eq!(told, [0xFF20, 0xFF22], "{told:04X?}");
         // 2020h: not calibrated.
         assert_eq!(bench.read(0x2020, 0) & 0x40, 0, "byte {offset}");

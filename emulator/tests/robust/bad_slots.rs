@@ -99,13 +99,13 @@ impl Watched {
             .collect()
     }
 
-    /// With these bits flipped the program in `expected` starts, nothing else before it, and says
-    /// that it runs; `standing` is 2080h sub 4.
+    /// With these bits flipped the program in `expected` starts, nothing else before it, and
+    /// reports that it runs; `standing` is 2080h sub 4.
     fn runs(&mut self, cells: &Cells, flips: &[Flip], expected: Slot, standing: u32) {
         self.insert(cells, flips);
         self.bench.boot();
         assert_eq!(self.started(), [expected], "{flips:?}");
-        let [version, slot, shown] = self.bench.says().program;
+        let [version, slot, shown] = self.bench.shown().program;
         let is_new = u32::from(expected == Slot::B);
         assert_eq!((slot, shown), (is_new, standing), "{flips:?}");
         assert_eq!(version == NEW.0, is_new == 1, "{flips:?}");
@@ -205,7 +205,7 @@ fn a_program_on_trial_with_a_bit_gone_bad_is_not_tried() {
 }
 
 #[test]
-fn with_both_programs_bad_the_bootloader_stays_and_says_why_later() {
+fn with_both_programs_bad_the_bootloader_stays_and_reports_why_later() {
     let mut watched = Watched::new();
     let body = |slot| (slot, HEADER + 70_000, 2);
     let confirmed = two_programs(&watched.factory, Newer::Confirmed);

@@ -79,9 +79,9 @@ pub fn pieces() -> Vec<(u32, Vec<u8>)> {
     pieces
 }
 
-/// What a node says of itself.
+/// What a node shows of itself.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Said {
+pub struct Shown {
     /// 1018h sub 4.
     pub serial: u32,
     /// 2080h sub 2 to 4: version, slot, how it came to run.
@@ -182,9 +182,9 @@ impl Bench {
         read.unwrap_or_else(|error| panic!("{index:04X} sub {sub}: {error:?}"))
     }
 
-    /// What it says of itself.
-    pub fn says(&mut self) -> Said {
-        Said {
+    /// What it shows of itself.
+    pub fn shown(&mut self) -> Shown {
+        Shown {
             serial: self.read(0x1018, 4),
             program: [2, 3, 4].map(|sub| self.read(0x2080, sub)),
             calibration: self.read(0x2062, 1),

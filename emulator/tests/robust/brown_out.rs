@@ -21,7 +21,7 @@ const POWER: u32 = 1 << 27 | 1 << 26;
 fn after_any_dip_of_the_supply_the_node_measures_again_within_a_second() {
     let mut bench = Bench::new();
     bench.pair.run(1.0);
-    let healthy = bench.says();
+    let healthy = bench.shown();
     let mut longest_s: f64 = 0.0;
     for (depth, volts) in DEPTHS_V.into_iter().enumerate() {
         for (length, seconds) in LENGTHS_S.into_iter().enumerate() {
@@ -46,7 +46,7 @@ fn after_any_dip_of_the_supply_the_node_measures_again_within_a_second() {
             }
             let gone_s = (bench.pair.network.now_ns() - back_ns) as f64 * 1e-9;
             longest_s = longest_s.max(gone_s);
-            assert_eq!(bench.says(), healthy, "{case}");
+            assert_eq!(bench.shown(), healthy, "{case}");
             let slopes = [(0x6010, POSE.roll_deg), (0x6020, POSE.pitch_deg)];
             for (index, truth_deg) in slopes {
                 let slope = f64::from(bench.read(index, 0) as u16 as i16) / 100.0;

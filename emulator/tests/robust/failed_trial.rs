@@ -1,7 +1,7 @@
 //! Programs that arrive whole and signed, and do not work: the node goes back by itself.
 //!
 //! In: an update to a program that hangs, that crashes, or that never has an angle. Out: three
-//! starts of it, and then the old program, which says what became of the new one and measures.
+//! starts of it, and then the old program, which reports what became of the new one and measures.
 
 use emulator::chip::rcc::Cause;
 use emulator::pair::SdoError;
@@ -28,7 +28,7 @@ struct Story {
 
 /// Updates to this body; what has happened until the old program runs again, within `seconds`.
 fn rolled_back(bench: &mut Bench, body: &[u8], seconds: f64) -> Story {
-    let old = bench.says();
+    let old = bench.shown();
     send(bench, &file(body)).expect("a whole image");
     let resets = bench.resets().len();
     bench.pair.heard.clear();
@@ -40,13 +40,13 @@ fn rolled_back(bench: &mut Bench, body: &[u8], seconds: f64) -> Story {
         }
     }
     bench.pair.run(1.5);
-    let said = bench.says();
+    let shown = bench.shown();
     let [version, slot, _] = old.program;
-    let expected = crate::bench::Said {
+    let expected = crate::bench::Shown {
         program: [version, slot, 2],
         ..old
     };
-    assert_eq!(said, expected);
+    assert_eq!(shown, expected);
     assert_eq!(bench.broken_rules(), 0);
     // The first reset is the command's.
     let attempts = bench.resets()[resets + 1..].to_vec();
@@ -89,14 +89,14 @@ fn a_program_that_has_no_angle_gives_itself_up_within_half_a_minute() {
     assert_eq!(story.attempts, [Cause::Software; ATTEMPTS as usize]);
     // The old one stays, although it has no angle either.
     bench.pair.run(15.0);
-    assert_eq!(bench.says().program[2], 2);
+    assert_eq!(bench.shown().program[2], 2);
     bench.pair.network.electronics(0).heal();
 }
 
 #[test]
 fn an_image_whose_check_sum_or_signature_is_wrong_never_starts() {
     let mut bench = Bench::new();
-    let old = bench.says();
+    let old = bench.shown();
     let resets = bench.resets().len();
     let mut damaged = file(&body());
     let middle = damaged.len() / 2;
@@ -121,9 +121,9 @@ fn an_image_whose_check_sum_or_signature_is_wrong_never_starts() {
     assert_eq!(status, Ok(FORGED));
     bench.pair.run(1.0);
     assert_eq!(bench.resets().len(), resets);
-    assert_eq!(bench.says(), old);
+    assert_eq!(bench.shown(), old);
     // Nor does either start after a loss of supply.
     let cells = bench.cells();
     bench.start(cells);
-    assert_eq!(bench.says(), old);
+    assert_eq!(bench.shown(), old);
 }

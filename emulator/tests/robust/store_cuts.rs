@@ -9,7 +9,7 @@ use std::time::Instant;
 use device::calibration::encoding::{identity, length, read_at};
 use emulator::cuts::Cuts;
 
-use crate::bench::{Bench, SAVE, Said, calibration};
+use crate::bench::{Bench, SAVE, Shown, calibration};
 
 /// Starts with the flash that each cut of `act` leaves; what `shows` saw then, and without a cut.
 fn cut_each<T>(
@@ -67,17 +67,17 @@ fn a_cut_at_every_operation_of_a_parameter_store_leaves_each_group_old_or_new() 
     let mut bench = Bench::new();
     store_parameters(&mut bench, 0);
     bench.pair.run(0.5);
-    let old = bench.says();
+    let old = bench.shown();
     let (shown, whole) = cut_each(
         &mut bench,
         |bench| store_parameters(bench, 1),
         |bench| {
-            let said = bench.says();
-            let same = Said {
-                heartbeat: said.heartbeat,
+            let shown = bench.shown();
+            let same = Shown {
+                heartbeat: shown.heartbeat,
                 ..old
             };
-            assert_eq!(said, same);
+            assert_eq!(shown, same);
             parameters(bench)
         },
     );
@@ -114,17 +114,17 @@ fn a_cut_at_every_operation_of_a_calibration_leaves_the_old_or_the_new() {
     let mut bench = Bench::new();
     download(&mut bench, &first);
     bench.pair.run(0.5);
-    let old = bench.says();
+    let old = bench.shown();
     assert_eq!(old.calibration, identity(&first));
-    let new = Said {
+    let new = Shown {
         calibration: identity(&second),
         ..old
     };
-    let (shown, whole) = cut_each(&mut bench, |bench| download(bench, &second), Bench::says);
+    let (shown, whole) = cut_each(&mut bench, |bench| download(bench, &second), Bench::shown);
     assert_eq!(whole, new);
-    for (number, said) in shown.iter().enumerate() {
-        assert!([old, new].contains(said), "cut {number}: {said:?}");
+    for (number, one) in shown.iter().enumerate() {
+        assert!([old, new].contains(one), "cut {number}: {one:?}");
     }
-    let renewed = shown.iter().filter(|said| **said == new).count();
+    let renewed = shown.iter().filter(|one| **one == new).count();
     assert!(renewed <= 1, "{renewed} of {}", shown.len());
 }

@@ -46,7 +46,7 @@ pub fn clear(bench: &mut Bench) {
     }
     for _ in 0..100 {
         bench.pair.run(0.1);
-        // Nothing is answered while a page is erased; bit 0 says that there are more.
+        // Nothing is answered while a page is erased; bit 0 is set while there are more.
         if bench.pair.read(1, 0x1F57, 1) == Ok(2) {
             return;
         }

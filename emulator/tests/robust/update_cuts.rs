@@ -14,7 +14,7 @@ use emulator::chip::flash_controller::Operation;
 use emulator::cuts::Cuts;
 use flash::layout::{HEADER, PAGE, RC};
 
-use crate::bench::{Bench, Said};
+use crate::bench::{Bench, Shown};
 use crate::update::{NEW, RENEWED, begin, body, file, send};
 
 /// Half-words of the body that are cut inside a page.
@@ -28,7 +28,7 @@ fn update(bench: &mut Bench) {
     bench.pair.run(2.0);
 }
 
-/// Whether an operation is cut whatever the sample says.
+/// Whether an operation is cut whatever the sample has.
 fn is_edge(operation: &Operation) -> bool {
     let b = RC.b.expect("two slots");
     let body = b.start + HEADER..b.end();
@@ -42,10 +42,10 @@ fn is_edge(operation: &Operation) -> bool {
 fn a_cut_in_an_update_leaves_the_old_program_or_the_new() {
     let begun = Instant::now();
     let mut bench = Bench::new();
-    let old = bench.says();
+    let old = bench.shown();
     let before = bench.cells();
     let journal = bench.journal(update);
-    assert_eq!(bench.says().program, RENEWED);
+    assert_eq!(bench.shown().program, RENEWED);
     let inside: Vec<_> = (0..journal.len())
         .filter(|number| !is_edge(&journal[*number]))
         .collect();
@@ -59,15 +59,15 @@ fn a_cut_in_an_update_leaves_the_old_program_or_the_new() {
             continue;
         }
         bench.start(cuts.at(number, 2));
-        let said = bench.says();
-        let [version, slot, standing] = said.program;
+        let shown = bench.shown();
+        let [version, slot, standing] = shown.program;
         let is_new = version == NEW.0 && slot == 1 && standing < 2;
-        let program = if is_new { said.program } else { old.program };
-        let expected = Said { program, ..old };
-        assert_eq!(said, expected, "cut {number}, {operation:?}");
+        let program = if is_new { shown.program } else { old.program };
+        let expected = Shown { program, ..old };
+        assert_eq!(shown, expected, "cut {number}, {operation:?}");
         if is_new {
             bench.pair.run(1.0);
-            let program = bench.says().program;
+            let program = bench.shown().program;
             assert_eq!(program, RENEWED, "cut {number}, {operation:?}");
         }
         assert_eq!(bench.broken_rules(), 0, "cut {number}, {operation:?}");

@@ -123,7 +123,7 @@ fn order(pair: &mut Pair, command: u32) {
     done.unwrap_or_else(|error| panic!("command {command}: {error:?}"));
 }
 
-/// Waits until bit 0 of 1F57h is gone; what it says then.
+/// Waits until bit 0 of 1F57h is gone; what it reads then.
 fn wait(pair: &mut Pair, seconds: usize) -> u32 {
     for _ in 0..20 * seconds {
         pair.run(0.05);

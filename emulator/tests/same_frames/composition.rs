@@ -120,7 +120,7 @@ impl Composition for Product {
         factory::product(channel, serial)
     }
 
-    /// A new program comes and is found to be signed by nobody whom they know.
+    /// A new program comes and is found to be signed with a key that they do not have.
     fn end(pair: &mut Pair) {
         for (node, erase_ns) in [(1, Some(40_000_000)), (2, None)] {
             let chip = pair.board(node - 1).machine_mut().chip_mut();

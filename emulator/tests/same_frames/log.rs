@@ -5,7 +5,7 @@
 //! inbox, at the place in the order where they did. What the task does otherwise than the chip's
 //! code did is a [`Difference`], and the end.
 //!
-//! It follows `firmware::chip::{clock, can}`, which know registers and so don't run on a host.
+//! It follows `firmware::chip::{clock, can}`, which use registers and so don't run on a host.
 
 use canopen::Frame;
 use canopen::frame::{ExtendedId, Id, StandardId};
@@ -324,7 +324,7 @@ impl Log {
     }
 }
 
-/// What ESR says (RM0008 24.9.2): the error state, and the counters of sending and receiving.
+/// What ESR holds (RM0008 24.9.2): the error state, and the counters of sending and receiving.
 pub fn error_state(esr: u32) -> (ErrorState, u8, u8) {
     let state = match esr {
         esr if esr & 4 != 0 => ErrorState::Off,

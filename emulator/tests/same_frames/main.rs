@@ -2,8 +2,9 @@
 //!
 //! Two emulated nodes run on a bus, calibrated, on a board that tilts, in changing warmth, with a
 //! fault; then parameters are stored, and to the product a new program comes and is found to be
-//! signed by nobody whom they know. All that the code of each sees is written down: the sensor's
-//! bytes, the time of each edge, what the CAN controller had to tell, and each look at the clock.
+//! signed with a key that they do not have. All that the code of each sees is written down: the
+//! sensor's bytes, the time of each edge, what the CAN controller had to tell, and each look at the
+//! clock.
 //! The host's build then gets the same, and has to do the same at each step: send the same bytes to
 //! the sensor and put the same frames into the same mailboxes, in the same order.
 

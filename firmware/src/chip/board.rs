@@ -1,4 +1,4 @@
-//! The board: clocks, pins, the strap that says which channel this is, and why the chip came up.
+//! The board: clocks, pins, the strap that sets which channel this is, and why the chip came up.
 //!
 //! In: the peripherals at reset. Out: each of them set up for what hangs on it.
 //!
@@ -48,7 +48,7 @@ pub struct Board<E> {
     pub alarm: Alarm,
     /// The flash.
     pub nor: Nor<E>,
-    /// Which channel the strap says.
+    /// Which channel the strap sets.
     pub channel: Channel,
     /// A number that tells this chip from any other.
     pub serial: u32,
@@ -116,7 +116,7 @@ fn serial() -> u32 {
     Crc32::of(&unsafe { UNIQUE_ID.read_volatile() })
 }
 
-/// What the last program said, or the watchdog says for one that could not.
+/// What the last program left, or the watchdog shows for one that could not.
 fn crash() -> Option<Crash> {
     // SAFETY: the block of RCC is at this address for ever; no other code uses CSR.
     let csr = unsafe { &*RCC::ptr() }.csr();

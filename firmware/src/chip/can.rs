@@ -5,7 +5,7 @@
 //! FIFOs, filters, errors), 24.9 (registers).
 //!
 //! Frames are never waited for: an interrupt tells what has become of one. A new bit rate has to
-//! wait for the end of the frame on the bus. Bus-off ends when the device says so (ABOM = 0).
+//! wait for the end of the frame on the bus. Bus-off ends when the device ends it (ABOM = 0).
 //! Frames of any identifier come in; what is not for this node the stack throws away. A FIFO holds
 //! three, which is less than a bus brings while the processor stands still for the erase of a page.
 //! So what a master has to be heard with, NMT, LSS and the requests of SDOs, has FIFO 1 for itself:
@@ -184,7 +184,7 @@ impl Controller for Can {
 
     fn set_rate(&mut self, kbit_s: u16, listen_only: bool) {
         initialise();
-        // A rate that nobody knows leaves the controller out of the bus.
+        // An unknown rate leaves the controller out of the bus.
         let Some(timing) = bit_timing::register(kbit_s) else {
             return;
         };

@@ -98,7 +98,7 @@ pub fn interrupt() -> Option<Instant> {
     captured
 }
 
-/// The right to say when to be woken.
+/// The right to set when to be woken.
 pub struct Alarm(());
 
 impl Alarm {

@@ -5,9 +5,9 @@
 //! - `bxcan` waits without bound for the bus when it changes the mode or takes a frame back, so a
 //!   bus that is shorted would hold the processor; it switches automatic return from bus-off on,
 //!   which is CANopen's policy; and it touches 28 filter banks where this part has 14.
-//! - the HAL's SPI says that it has flushed while the last byte is still on its way, so the
+//! - the HAL's SPI reports that it has flushed while the last byte is still on its way, so the
 //!   select line would rise too early.
-//! - the HAL knows no timer that captures and compares at once, and no `NorFlash`; its watchdog
+//! - the HAL has no timer that captures and compares at once, and no `NorFlash`; its watchdog
 //!   looks for a divider with a panic behind the last one.
 //!
 //! Clock and pins are the HAL's.

@@ -11,7 +11,7 @@
 //!
 //! What is erased at once is a page of the chip ([`Layout::chip_page`]).
 //!
-//! What may be written at all is [`Guard`]'s to say; what erases is [`Erase`]'s.
+//! What may be written at all is [`Guard`]'s to check; what erases is [`Erase`]'s.
 
 use core::marker::PhantomData;
 use core::ptr::{read_volatile, write_volatile};
@@ -103,7 +103,7 @@ fn registers() -> &'static RegisterBlock {
     unsafe { &*FLASH::ptr() }
 }
 
-/// Waits for the end of an operation and says how it ended.
+/// Waits for the end of an operation and returns how it ended.
 fn finish() -> Result<(), NorError> {
     let flash = registers();
     for _ in 0..PATIENCE {

@@ -1,4 +1,4 @@
-//! Where a program ends that must not go on: it says why, and resets the chip.
+//! Where a program ends that must not go on: it records why, and resets the chip.
 //!
 //! In: panics, hard faults, interrupts without a handler. Out: a [`Crash`] in the last bytes of the
 //! RAM. They are outside every stack and every static of bootloader and application, so that what

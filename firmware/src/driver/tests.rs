@@ -97,7 +97,7 @@ enum Told {
     ListenTo(u8),
 }
 
-/// Notes everything; frames stay where they are until the test says otherwise.
+/// Notes everything; frames stay where they are until the test moves them.
 #[derive(Default)]
 struct Notes {
     told: Vec<Told>,
@@ -165,7 +165,7 @@ impl Bench {
         bench.device.start_sensor(&mut Hurry, bench.now).unwrap();
         let now = bench.now;
         bench.at().start(now);
-        // The boot-up message, and the EMCY that says that it is not calibrated.
+        // The boot-up message, and the EMCY that reports that it is not calibrated.
         let told = [
             Told::Rate(250, false),
             Told::Post(0, 0x701),
@@ -312,7 +312,7 @@ fn a_boot_up_message_that_bus_off_took_was_never_sent_again() {
 }
 
 #[test]
-fn bus_off_empties_the_mailboxes_and_ends_when_the_device_says() {
+fn bus_off_empties_the_mailboxes_and_lasts_until_the_device_ends_it() {
     let mut bench = Bench::measuring();
     bench.hear(0x80, &[]);
     bench.said();

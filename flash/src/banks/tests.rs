@@ -212,7 +212,7 @@ fn cut_once(chip: &mut Chip, kept: &mut Content, cut: u64, kind: u8, new: &[u8])
     let mut after = kept.clone();
     after.insert(kind, new.to_vec());
     after.retain(|_, bytes| !bytes.is_empty());
-    // What is found is found each time, whatever the cells of a torn page say.
+    // What is found is found each time, whatever the cells of a torn page read as.
     for _ in 0..3 {
         let banks = mounted(chip);
         let now = content(chip, &banks);
@@ -339,7 +339,7 @@ fn any_flipped_bit_is_told_of_until_its_kind_is_stored_anew_and_gives_the_bank_b
         let mut banks = mounted(&mut chip);
         let now = content(&mut chip, &banks);
         if banks.damaged() == 0 {
-            // The word that says that the bank was ready has done its part, and one mark is enough.
+            // The word that shows that the bank was ready has done its part; one mark is enough.
             assert!(at < start + 2 || at >= end - MARKS, "byte {at}");
             assert_eq!(now, kept);
         } else {

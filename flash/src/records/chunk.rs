@@ -15,7 +15,7 @@
 //! | 8 to 11 | offset of the payload in the record |
 //! | 12 to 15 | CRC-32 of the payload and bytes 0 to 11 |
 //!
-//! What is behind a chunk that was cut would be lost for use, since nothing says how long that
+//! What is behind a chunk that was cut would be lost for use, since nothing shows how long that
 //! chunk is. A chunk without payload that closes the gap stands behind it, with the cut chunk's
 //! offset in the page as its offset.
 //!
@@ -44,7 +44,7 @@ pub(crate) const GAP: u8 = 0xFD;
 /// Marks the last part.
 const LAST: u8 = 0x80;
 
-/// What a chunk's header says.
+/// What a chunk's header contains.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Chunk {
     pub kind: u8,
@@ -158,7 +158,7 @@ impl Chunk {
         })
     }
 
-    /// Offset in the page at `page` behind a chunk that was cut at `at`, as far as its header says.
+    /// Offset in the page at `page` behind a chunk that was cut at `at`, as far as its header goes.
     pub(crate) fn cut_end<F: ReadNorFlash>(
         flash: &mut F,
         page: u32,

@@ -157,7 +157,7 @@ impl<const ENTRY: usize> Log<ENTRY> {
 
     /// Makes the next page ready, if the last `keep` entries stay: one erase at most.
     ///
-    /// A full page is followed by a new one whatever `keep` says; of two pages, `keep` is
+    /// A full page is followed by a new one whatever `keep` is; of two pages, `keep` is
     /// [`Log::PER_PAGE`] at most. The processor stands still while a page is erased, so call it
     /// outside of OPERATIONAL. Errors: [`LogError::Access`].
     pub fn prepare<F: NorFlash>(&mut self, flash: &mut F, keep: u32) -> Result<Progress, LogError> {

@@ -1,7 +1,7 @@
 //! A ring of pages: which page follows which, and which of them are ready for use.
 //!
 //! In: a region. Out: pages by their sequence number. The page with number n lies at n modulo the
-//! number of pages, so the number says both order and place, and all pages wear alike.
+//! number of pages, so the number gives both order and place, and all pages wear alike.
 //!
 //! A page is ready once it was erased to the end and its header was written. One that only looks
 //! blank isn't: its erase may have been cut. Before an erase the page is retired, so that no
@@ -142,7 +142,7 @@ impl Pages {
         let offset = self.offset(sequence);
         let place = sequence.checked_rem(self.count).unwrap_or(0);
         // Where no header is whole there is nothing to retire, or the last erase was cut; what
-        // such a page reads as says nothing about what may be programmed.
+        // such a page reads as shows nothing about what may be programmed.
         if self.number(flash, place)?.is_some() {
             program(flash, offset + 12, &[0; 4])?;
         }

@@ -155,7 +155,7 @@ impl<const KINDS: usize> Records<KINDS> {
             self.is_staged = false;
             return Ok(());
         }
-        // With a header that says how long it is, the rest of the page stays of use.
+        // With a header that states how long it is, the rest of the page stays of use.
         chunk.kind = VOID;
         self.end(flash, &chunk)
     }

@@ -157,7 +157,7 @@ fn an_erased_record_stays_away_although_older_versions_lie_about() {
 }
 
 #[test]
-fn storing_erases_nothing_and_says_when_it_has_to() {
+fn storing_erases_nothing_and_reports_when_it_has_to() {
     let mut nor = bench(PAGES + 2, 1);
     let mut store = mounted(&mut nor, PAGES);
     assert!(store.needs_erase(16));
@@ -424,7 +424,7 @@ fn a_bit_that_went_bad_took_along_what_was_behind_it_and_nobody_was_told() {
                 assert_eq!(*held, bytes(100, expected(of)), "chunk {number}, kind {of}");
             }
             // What was stored again since is nothing to tell of. Of the last chunk of all the
-            // header alone says where it ends.
+            // header alone states where it ends.
             let case = format!("chunk {number}, byte {byte}: {}", store.damaged());
             match (number, byte) {
                 (..4, _) => assert_eq!(store.damaged(), 0, "{case}"),
@@ -505,7 +505,7 @@ fn the_large_part_has_room_for_every_record_at_its_longest() {
 }
 
 #[test]
-fn the_longest_calibration_beside_the_parameters_is_as_the_maps_say() {
+fn the_longest_calibration_beside_the_parameters_is_as_the_maps_have_it() {
     for (layout, parameters, longest) in [
         (RC, [600, 500, 400, 16], 5793),
         (CB, [600, 500, 400, 16], 1761),

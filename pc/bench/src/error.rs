@@ -1,4 +1,4 @@
-//! Why a demo or a replay could not be carried out: one sentence that says what to do.
+//! Why a demo or a replay could not be carried out: one sentence that states what to do.
 //!
 //! In: the errors of the bench, of files and of the report. Out: one type for both verbs.
 

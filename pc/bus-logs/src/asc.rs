@@ -44,10 +44,10 @@ const MONTHS: [&[&str]; 12] = [
 /// What may lie between a trigger and its first event by the date that both were rounded to, ns.
 const ROUNDING_NS: u64 = 1_000_000_000;
 
-/// What the lines so far have said.
+/// What the lines so far have set.
 #[derive(Clone, Debug, Default)]
 pub struct Asc {
-    /// When the log was started, ns since 1970; 0 where it doesn't say.
+    /// When the log was started, ns since 1970; 0 where it doesn't state it.
     start_ns: u64,
     /// When the block was begun that no event was seen of, ns since 1970.
     block_ns: Option<u64>,
@@ -326,7 +326,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_frame_says_why() {
+    fn what_is_no_frame_has_a_reason() {
         let cases = [
             ("// version 9.0.0", Skip::NoFrame),
             ("no internal events logged", Skip::NoFrame),

@@ -381,7 +381,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_frame_says_why() {
+    fn what_is_no_frame_has_a_reason() {
         let cases = [
             ("", Skip::NoFrame),
             ("   ", Skip::NoFrame),

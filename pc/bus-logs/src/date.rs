@@ -2,7 +2,7 @@
 //!
 //! In: `2023-11-14 22:13:20.5`, with `T` or a blank in the middle and perhaps a `Z` behind it; or
 //! year, month, day and time of day. Out: ns since 1970. A date without a zone is taken as UTC: a
-//! log doesn't say where it was made. Before 1970 and after 2500 there is none.
+//! log doesn't state where it was made. Before 1970 and after 2500 there is none.
 
 use chrono::{DateTime, NaiveDate, NaiveTime, Utc};
 

@@ -1,9 +1,8 @@
 //! The text of a log, whether it is compressed or not.
 //!
 //! In: a path, `-` for standard input. Out: its lines, from behind a byte order mark if it has
-//! one. It is taken as gzip (one member or several) when its first two bytes say so, whatever the
-//! file is called. What follows the last member, such as the zeros of a tape, is reported and not
-//! read.
+//! one. It is taken as gzip (one member or several) by its first two bytes, whatever the file
+//! is called. What follows the last member, such as the zeros of a tape, is reported and not read.
 
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Cursor, Read};
@@ -147,7 +146,7 @@ impl Input {
         self.trailing_bytes.swap(false, Ordering::Relaxed)
     }
 
-    /// What an error while reading says of a compressed text; `None` when it is another one.
+    /// What an error while reading means for a compressed text; `None` when it is another one.
     pub fn damage(&self, error: &io::Error) -> Option<Damage> {
         match error.kind() {
             io::ErrorKind::UnexpectedEof if self.is_gzip => Some(Damage::Cut),

@@ -4,7 +4,7 @@
 //! standard input. Out: a [`Source`] that gives their frames in the order of time, in the same
 //! memory whatever their length, and in [`Skipped`] how many lines were none and where the first
 //! of each kind stands; a [`Player`] that gives them when they are due; and a [`Writer`].
-//! `docs/logs.md` says what is read and what is refused.
+//! `docs/logs.md` describes what is read and what is refused.
 //!
 //! Left out: what the frames mean (`watch`), and where else they come from (`bus`).
 

@@ -1,6 +1,6 @@
 //! A frame of a log with its time.
 //!
-//! In: what a line of a log says. Out: the same for every format.
+//! In: what a line of a log holds. Out: the same for every format.
 
 use canopen::Frame;
 

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 /// How fast, as a person writes it: `10`, `0.5x`, or `max`.
 ///
-/// Errors: a sentence that says how to write it.
+/// Errors: a sentence that states how to write it.
 pub fn speed(text: &str) -> Result<f64, String> {
     if text == "max" {
         return Ok(f64::INFINITY);
@@ -23,7 +23,7 @@ pub const LONGEST_GAP_S: &str = "2";
 
 /// The length, in s, to which longer gaps are shortened: `0.5`.
 ///
-/// Errors: a sentence that says how to write it.
+/// Errors: a sentence that states how to write it.
 pub fn gap(text: &str) -> Result<Duration, String> {
     let seconds = text.parse().ok();
     let length = seconds.and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());

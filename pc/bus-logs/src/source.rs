@@ -3,7 +3,7 @@
 //! In: files and folders. Out: [`Source`]. Each file is looked at before the first frame is given,
 //! for its kind and the time that it begins with, and is opened again at its turn. Files that
 //! overlap are merged. Within a file frames keep their order, even where time goes backwards.
-//! A file whose times count from its own start says nothing of when that was: such files follow
+//! A file whose times count from its own start does not state when that was: such files follow
 //! one another in the order in which they were given, each begun where the one before ended.
 
 use std::collections::VecDeque;

@@ -28,7 +28,7 @@ static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 /// From now on a signal to end lets [`Bus::receive`] fail once, with
 /// [`io::ErrorKind::Interrupted`]. Asking again changes nothing.
 ///
-/// Errors: what the system says.
+/// Errors: what the system reports.
 fn watch_signals() -> Result<(), JoinError> {
     static WATCHED: OnceLock<Result<(), String>> = OnceLock::new();
     let watched = WATCHED.get_or_init(|| {
@@ -95,7 +95,7 @@ impl Bus {
 
     /// Sends a frame.
     ///
-    /// Errors: the bus is lost; the error says what is. Remote frames cannot pass socketcand,
+    /// Errors: the bus is lost; the error states why. Remote frames cannot pass socketcand,
     /// which is [`io::ErrorKind::Unsupported`].
     pub fn send(&mut self, frame: &Frame) -> io::Result<()> {
         if let Some((kind, sentence)) = &self.closed {
@@ -113,7 +113,7 @@ impl Bus {
     /// The next frame; `None` when none has come until `until`, and always from then on: on a bus
     /// that is never still a wait ends in time all the same.
     ///
-    /// Errors: the bus is lost; the error says what is. [`io::ErrorKind::Interrupted`] after a
+    /// Errors: the bus is lost; the error states why. [`io::ErrorKind::Interrupted`] after a
     /// signal to end.
     pub fn receive(&mut self, until: Instant) -> io::Result<Option<Received>> {
         loop {
@@ -163,7 +163,7 @@ impl Bus {
         told.map_err(|error| self.lost(error))
     }
 
-    /// Tells the adapter another bit rate, kbit/s; false where that is not the client's to say.
+    /// Tells the adapter another bit rate, kbit/s; false where that is not the client's to set.
     ///
     /// Errors: as [`Bus::receive`], and a refusal of the adapter.
     pub fn set_bit_rate(&mut self, kbit_s: u32) -> io::Result<bool> {
@@ -174,7 +174,7 @@ impl Bus {
         told.map_err(|error| self.lost(error))
     }
 
-    /// Says of which bus an error is, and what its number means for who looks at a cable.
+    /// Adds to an error of which bus it is, and what its number means for who looks at a cable.
     fn lost(&mut self, error: io::Error) -> io::Error {
         use io::ErrorKind::{BrokenPipe, ConnectionAborted, ConnectionReset, UnexpectedEof};
         let kind = error.kind();

@@ -1,4 +1,4 @@
-//! Why nobody answers, in one sentence that says what to look at.
+//! Why nobody answers, in one sentence that states what to look at.
 //!
 //! In: a bus on which a node was asked in vain. Out: what can be told from here: nothing is heard
 //! at all (and whether the adapter reports errors, as with a wrong bit rate), other node-ids are

@@ -1,4 +1,4 @@
-//! Why a bus could not be joined: one sentence that says where, what, and what to do.
+//! Why a bus could not be joined: one sentence that states where, what, and what to do.
 
 use std::io;
 
@@ -58,7 +58,7 @@ pub enum JoinError {
     /// The interface is down.
     #[error("the CAN interface {0} is down: `ip link set {0} up type can bitrate 250000`")]
     Down(String),
-    /// Something else: the bus, and what the system says.
+    /// Something else: the bus, and what the system reports.
     #[error("cannot join the bus {0}: {1}")]
     System(String, io::Error),
     /// Signals can't be watched.

@@ -1,6 +1,6 @@
 //! What may go wrong in every verb: the bus, the node.
 //!
-//! In: errors of `bus`. Out: a [`Fault`] whose sentence says why, where that can be found out: a
+//! In: errors of `bus`. Out: a [`Fault`] whose sentence states why, where that can be found out: a
 //! node that does not answer is looked for before it is complained of.
 //!
 //! Left out: what one verb alone refuses.

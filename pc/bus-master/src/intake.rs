@@ -23,7 +23,7 @@ pub trait Stream: Read + Write + Send {
     /// From now on a read ends after this time with [`io::ErrorKind::TimedOut`] or
     /// [`io::ErrorKind::WouldBlock`].
     ///
-    /// Errors: what the system says.
+    /// Errors: what the system reports.
     fn limit_reads(&mut self, time: Duration) -> io::Result<()>;
 }
 
@@ -86,7 +86,7 @@ impl Intake {
 
     /// Writes all of it.
     ///
-    /// Errors: what the system says.
+    /// Errors: what the system reports.
     pub fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
         self.stream.write_all(bytes)?;
         self.stream.flush()
@@ -95,7 +95,7 @@ impl Intake {
     /// What stands before the next of these delimiters, and the delimiter; `None` when none has
     /// come until `until`.
     ///
-    /// Errors: what the system says; [`io::ErrorKind::UnexpectedEof`] at the end of the stream;
+    /// Errors: what the system reports; [`io::ErrorKind::UnexpectedEof`] at the end of the stream;
     /// [`io::ErrorKind::InvalidData`] for a message without an end.
     pub fn next(&mut self, ends: &[u8], until: Instant) -> io::Result<Option<(&[u8], u8)>> {
         let mut is_first = true;

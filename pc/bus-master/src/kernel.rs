@@ -29,7 +29,7 @@ pub struct Client {
 impl Client {
     /// Opens an interface.
     ///
-    /// Errors: what the system says.
+    /// Errors: what the system reports.
     pub fn join(interface: &str) -> io::Result<Self> {
         let socket = CanSocket::open(interface)?;
         // Errors tell a wrong bit rate from a silent bus; a driver that has none does no harm.
@@ -40,7 +40,7 @@ impl Client {
 
     /// Sends a frame.
     ///
-    /// Errors: what the system says; [`io::ErrorKind::TimedOut`] when the queue stays full.
+    /// Errors: what the system reports; [`io::ErrorKind::TimedOut`] when the queue stays full.
     pub fn send(&mut self, frame: &Frame) -> io::Result<()> {
         let frame = to_kernel(frame).ok_or(io::ErrorKind::InvalidInput)?;
         for _ in 0..TRIES {
@@ -59,7 +59,7 @@ impl Client {
 
     /// The next frame until then.
     ///
-    /// Errors: what the system says.
+    /// Errors: what the system reports.
     pub fn receive(&mut self, until: Instant) -> io::Result<Option<Received>> {
         let mut is_first = true;
         loop {

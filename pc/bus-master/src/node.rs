@@ -162,7 +162,7 @@ impl<'a> Node<'a> {
 
     /// Does something in PRE-OPERATIONAL and returns to the state in which the node was,
     /// OPERATIONAL or STOPPED, also when it failed. In STOPPED no node answers SDO: where it may
-    /// not be brought out of it, the work says so.
+    /// not be brought out of it, the work reports this.
     ///
     /// Errors: `Err(None)` when the node is OPERATIONAL and may not be stopped, those of `work`,
     /// and [`Fault::Left`].
@@ -200,7 +200,7 @@ impl<'a> Node<'a> {
         let Err(lost) = self.command(back) else {
             return done;
         };
-        // What went wrong before says more than what goes wrong now.
+        // What went wrong before explains more than what goes wrong now.
         let why = done
             .err()
             .map_or(lost.to_string(), |error| error.to_string());

@@ -2,7 +2,7 @@
 //!
 //! In: lines that end with CR (frames, answers) and BEL (refused). Out: commands: close, bit
 //! rate, open, frames, status flags. Commands are those of the CAN232/CANUSB manuals, as far as
-//! every adapter knows them.
+//! every adapter supports them.
 //!
 //! Left out: time stamps of the adapter, which count milliseconds of a minute and not all have;
 //! filters, CAN FD.
@@ -59,7 +59,7 @@ enum Said {
 impl Client {
     /// Opens the adapter behind `host:port`.
     ///
-    /// Errors: what the system says; [`io::ErrorKind::TimedOut`] and
+    /// Errors: what the system reports; [`io::ErrorKind::TimedOut`] and
     /// [`io::ErrorKind::InvalidData`] when nothing like an adapter answers.
     pub fn join_tcp(at: &str, kbit_s: Option<u32>) -> io::Result<Self> {
         Self::open(Box::new(intake::connect(at)?), false, kbit_s)
@@ -83,7 +83,7 @@ impl Client {
         };
         // A rate that the adapter was not told is the one that it has.
         client.open_again(kbit_s)?;
-        // What an earlier client has left says nothing of this one's line.
+        // What an earlier client has left shows nothing of this one's line.
         client.unreadable = 0;
         Ok(client)
     }
@@ -168,14 +168,14 @@ impl Client {
 
     /// Sends a frame. Its acknowledgement by the adapter is not waited for.
     ///
-    /// Errors: what the system says.
+    /// Errors: what the system reports.
     pub fn send(&mut self, frame: &Frame) -> io::Result<()> {
         self.write(Command::Send(*frame))
     }
 
     /// The next frame until then. A refused frame counts as trouble.
     ///
-    /// Errors: what the system says.
+    /// Errors: what the system reports.
     pub fn receive(&mut self, until: Instant) -> io::Result<Option<Received>> {
         if let Some(early) = self.early.pop_front() {
             return Ok(Some(early));
@@ -201,9 +201,9 @@ impl Client {
         self.unreadable
     }
 
-    /// Asks for the status flags; an adapter that does not know the question is not in trouble.
+    /// Asks for the status flags; an adapter that does not support this is not in trouble.
     ///
-    /// Errors: what the system says.
+    /// Errors: what the system reports.
     pub fn trouble(&mut self) -> io::Result<Trouble> {
         self.write(Command::Flags)?;
         let until = Instant::now() + ANSWER / 4;

@@ -29,8 +29,8 @@ pub struct Client {
 impl Client {
     /// Opens a bus of the server at `host:port`.
     ///
-    /// Errors: what the system says; [`io::ErrorKind::InvalidData`] when the server says anything
-    /// else than it should.
+    /// Errors: what the system reports; [`io::ErrorKind::InvalidData`] when the server sends
+    /// anything else than it should.
     pub fn join(at: &str, bus: &str) -> io::Result<Self> {
         let intake = Intake::new(Box::new(intake::connect(at)?));
         let trouble = Trouble::default();
@@ -73,7 +73,7 @@ impl Client {
 
     /// Sends a data frame.
     ///
-    /// Errors: what the system says; [`io::ErrorKind::Unsupported`] for a remote frame.
+    /// Errors: what the system reports; [`io::ErrorKind::Unsupported`] for a remote frame.
     pub fn send(&mut self, frame: &Frame) -> io::Result<()> {
         if frame.is_remote() {
             let sentence = "socketcand has no remote frames: take SLCAN or socketcan";
@@ -86,7 +86,7 @@ impl Client {
 
     /// The next frame until then.
     ///
-    /// Errors: what the system says.
+    /// Errors: what the system reports.
     pub fn receive(&mut self, until: Instant) -> io::Result<Option<Received>> {
         loop {
             let Some(word) = self.word(until)? else {

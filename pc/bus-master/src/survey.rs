@@ -19,7 +19,7 @@ use super::{Bus, Received};
 /// Between two questions, so that neither an adapter's queue nor the bus is filled by them.
 const PAUSE: Duration = Duration::from_millis(2);
 
-/// LSS: whoever has no node-id says so, and the answer.
+/// LSS: whoever has no node-id is to report, and the answer.
 const IDENTIFY_UNCONFIGURED: u8 = 0x4C;
 const UNCONFIGURED_HERE: u8 = 0x50;
 

@@ -288,7 +288,7 @@ pub fn level(
 }
 
 /// Means of `count` readings of a housing that stands still, `settle_s` behind a movement. `at`
-/// says where it stands.
+/// names where it stands.
 ///
 /// Errors: [`CalibrateError::Restless`] when it goes on shaking, and those of the nodes.
 pub fn still(

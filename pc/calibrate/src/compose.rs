@@ -216,7 +216,7 @@ impl Frame<'_> {
     }
 }
 
-/// What the calibration as left says of itself.
+/// Enters the calibration as left into its channel.
 fn tell(channel: &mut Channel, made: &Calibration) {
     channel.kind = kind(&made.correction);
     channel.as_left_crc32 = format!("{:08X}", identity(made));

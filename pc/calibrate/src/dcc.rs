@@ -1,8 +1,8 @@
 //! The calibration report as a Digital Calibration Certificate, PTB's XML format, release 3.2.1.
 //!
 //! In: a [`Report`]. Out: the document, which is the machine-readable twin of the page. It is a
-//! report of whoever made it, and no certificate of an accredited laboratory: a statement in it
-//! says so, because the format's root has no other name.
+//! report of whoever made it, and no certificate of an accredited laboratory: it contains this
+//! statement, because the format's root has no other name.
 //!
 //! Left out: the schema, which is PTB's and stays outside, signatures, and translations.
 
@@ -407,7 +407,7 @@ mod tests {
     }
 
     #[test]
-    fn it_says_what_it_is_of_and_that_it_is_no_certificate() {
+    fn it_states_what_it_is_of_and_that_it_is_no_certificate() {
         let text = document(&sample::report(), "IT");
         for part in [
             "v0.1.0",

@@ -1,4 +1,4 @@
-//! Why a calibration did not come to its end: one sentence that says who, what, and what to do.
+//! Why a calibration did not come to its end: one sentence that states who, what, and what to do.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -118,7 +118,7 @@ pub enum CalibrateError {
     /// A file is not what it should be.
     #[error("{0}: {1}")]
     Content(PathBuf, &'static str),
-    /// A file says nothing of a node's serial number.
+    /// A file has no entry for a node's serial number.
     #[error("{0} has no entry for node {1} with the serial number {2}")]
     Unknown(PathBuf, u8, u32),
     /// The file of --keep can't be written there.

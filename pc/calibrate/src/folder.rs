@@ -32,7 +32,7 @@ const NOT_ACCEPTED: &str = "not-accepted-";
 /// The folder of a report.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Folder {
-    /// What --out says.
+    /// The value of --out.
     out: PathBuf,
     /// Where the files go before the calibration is accepted: `out` unless a report is there.
     own: PathBuf,
@@ -106,7 +106,7 @@ impl Folder {
         kept::save(&self.found(), kept, Existing::Replace)
     }
 
-    /// What --out says.
+    /// The value of --out.
     pub fn out(&self) -> &Path {
         &self.out
     }

@@ -35,7 +35,7 @@ const NOISE: f64 = 8.73e-5;
 /// of the rest is what acceleration does to it on the way between two poses. `[ASSUME]`
 const BIAS: f64 = 2.62e-4;
 
-/// The longest turn, s: behind it the bias of the rest before says too little.
+/// The longest turn, s: behind it the bias of the rest before shows too little.
 const LONGEST_S: f64 = 60.0;
 
 /// Largest standard uncertainty of a gain that the turns are to show.

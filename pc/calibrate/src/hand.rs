@@ -4,7 +4,7 @@
 //! Out: a correction for each channel in the housing's frame, and what is known of its quality.
 //!
 //! What the reference is: gravity's length, which is 1 g in every pose, gives nine parameters of
-//! a channel (scale, axes' angles to each other, zero-g offset). It says nothing of how the sensor
+//! a channel (scale, axes' angles to each other, zero-g offset). It shows nothing of how the sensor
 //! is turned in its housing. That comes from two pairs of poses, each on one face on the same
 //! surface, turned by 180 deg about the vertical between: the mean of both directions is the normal
 //! of that face, whether the surface is level or not. The base gives the zero of both slopes, the
@@ -216,7 +216,7 @@ impl HandFit {
     }
 }
 
-/// What the faces say.
+/// What the faces show.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Faces {
     /// Tilt of the surface under the base, deg.
@@ -248,7 +248,7 @@ pub enum HandError {
     /// A channel's poses leave a combination of the parameters nearly open.
     #[error(
         "channel {0}: the poses are too alike (condition {1:.0}): lean the housing by about 45 \
-         deg where the plan says half"
+         deg where the plan has half"
     )]
     IllConditioned(char, f64),
     /// A channel misses gravity's length in a pose, by so many mg.

@@ -22,7 +22,7 @@ fn put(person: &mut Person, place: usize) -> [f64; 3] {
     person.put(*up, words.contains("turned"))
 }
 
-/// A sensor with errors of every kind that nine parameters know, turned in its housing.
+/// A sensor with errors of every kind that nine parameters describe, turned in its housing.
 fn feel(up: [f64; 3]) -> [f64; 3] {
     let (s, c) = 0.02f64.sin_cos();
     let about_z = [[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]];

@@ -130,7 +130,7 @@ impl Held {
         readings
     }
 
-    /// What the thermometer of a node says, degC, to a degree as 6511h has it.
+    /// What the thermometer of a node reports, degC, to a degree as 6511h has it.
     pub fn celsius(&self, node: usize) -> f64 {
         let channel = &self.instrument.sides[node].node.channel;
         (f64::from(channel.temperature().unwrap().0) / 256.0).round()

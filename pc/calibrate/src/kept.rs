@@ -122,7 +122,7 @@ const NOT_KEPT: &str =
 
 /// Gives each node what the file has for its serial number, reads it back and compares.
 ///
-/// Errors: a node that the file does not know, a refusal. Nothing has
+/// Errors: a node that is not in the file, a refusal. Nothing has
 /// changed when a node is not in the file.
 pub fn restore(session: &mut Session, path: &Path, kept: &Kept) -> Result<(), CalibrateError> {
     let mut all = Vec::new();

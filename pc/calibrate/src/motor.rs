@@ -37,7 +37,7 @@ impl Axis {
     }
 }
 
-/// A motor that the housing is mounted on, or anything else that knows its angles.
+/// A motor that the housing is mounted on, or anything else with known angles.
 pub trait Motor {
     /// Who it is, as it goes into the report.
     ///
@@ -49,7 +49,7 @@ pub trait Motor {
     /// Errors: see [`DeviceError`].
     fn axes(&mut self) -> Result<Vec<Axis>, DeviceError>;
 
-    /// Standard uncertainty (k = 1) of its angles in deg; `None` when it does not say.
+    /// Standard uncertainty (k = 1) of its angles in deg; `None` when it does not report it.
     ///
     /// Errors: see [`DeviceError`].
     fn uncertainty_deg(&mut self) -> Result<Option<f64>, DeviceError>;
@@ -156,7 +156,7 @@ mod tests {
     }
 
     #[test]
-    fn errors_say_what_was_asked_and_what_came() {
+    fn errors_state_what_was_asked_and_what_came() {
         let told = |answers: &[&'static str]| {
             let turned = motor(answers).turn(Axis::Y, 5.0, &mut || true);
             turned.unwrap_err().to_string()

@@ -385,7 +385,7 @@ mod tests {
     }
 
     #[test]
-    fn a_channel_outside_says_so() {
+    fn a_channel_outside_is_shown_as_such() {
         let mut report = sample::report();
         report.decision.tolerance_deg = 0.04;
         report.decision.accepted = false;

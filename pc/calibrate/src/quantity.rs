@@ -10,7 +10,7 @@ use super::xml::Xml;
 /// Metre per second squared, as the format writes it (SIunitx).
 pub const METRE_PER_SECOND2: &str = "\\metre\\second\\tothe{-2}";
 
-/// m/s^2 of a mg: the format knows no g.
+/// m/s^2 of a mg: the format has no g.
 pub const SI_PER_MG: f64 = 9.806_65e-3;
 
 /// A name in English.

@@ -171,9 +171,9 @@ impl Scpi {
         DeviceError::Lost(self.peer(), error)
     }
 
-    fn say(&mut self, line: &str) -> Result<(), DeviceError> {
-        let said = self.intake.write(format!("{line}\n").as_bytes());
-        said.map_err(|error| self.lost(error))
+    fn send(&mut self, line: &str) -> Result<(), DeviceError> {
+        let sent = self.intake.write(format!("{line}\n").as_bytes());
+        sent.map_err(|error| self.lost(error))
     }
 
     /// The answer to a question, without space around it.
@@ -193,7 +193,7 @@ impl Scpi {
         patience: Duration,
         wait: &mut dyn FnMut() -> bool,
     ) -> Result<String, DeviceError> {
-        self.say(question)?;
+        self.send(question)?;
         let until = Instant::now() + patience;
         while wait() {
             let glance = until.min(Instant::now() + LOOK);
@@ -233,11 +233,11 @@ impl Scpi {
         }
     }
 
-    /// Says what has no answer, and asks whether it was taken.
+    /// Sends what has no answer, and asks whether it was taken.
     ///
     /// Errors: see [`DeviceError`]; [`DeviceError::Refused`] with the device's own words.
     pub fn order(&mut self, line: &str) -> Result<(), DeviceError> {
-        self.say(line)?;
+        self.send(line)?;
         match self.error()? {
             None => Ok(()),
             Some(said) => Err(DeviceError::Refused(self.peer(), line.to_owned(), said)),
@@ -353,7 +353,7 @@ mod tests {
     }
 
     #[test]
-    fn an_address_that_is_none_says_how_one_is_written() {
+    fn an_address_that_is_none_shows_how_one_is_written() {
         for bad in ["", "motor", "tcp://a/b:1", "serial:///dev/x?baud=fast"] {
             let error = Scpi::connect(Device::Motor, bad).unwrap_err().to_string();
             assert!(error.contains("tcp://HOST:PORT"), "{error}");

@@ -346,7 +346,7 @@ impl Session {
         }
     }
 
-    /// The next frame, with a look at what it says of the nodes.
+    /// The next frame, with a look at what it reports of the nodes.
     fn hear(&mut self, until: Instant) -> Result<Option<Received>, CalibrateError> {
         let received = self.bus.receive(until).map_err(CalibrateError::lost)?;
         if let Some((from, state)) = received.as_ref().and_then(nmt::heartbeat) {
@@ -487,7 +487,7 @@ impl Session {
         Ok(())
     }
 
-    /// What each sensor says of its temperature, degC, to a degree (6511h).
+    /// What each sensor reports of its temperature, degC, to a degree (6511h).
     ///
     /// Errors: a node that does not answer.
     pub fn temperatures_c(&mut self) -> Result<Vec<f64>, CalibrateError> {

@@ -2,7 +2,7 @@
 //!
 //! In: dcc.xml of `plumb calibrate`, and the nodes. Out: for each node whether the
 //! calibration in force is the one in the file and whether it vouches for this very file (2062h,
-//! 2063h). docs/calibration-report.md says what is compared.
+//! 2063h). docs/calibration-report.md lists what is compared.
 //!
 //! Left out: whether the report's figures are right.
 
@@ -86,7 +86,7 @@ struct Verified {
     nodes: Vec<NodeVerdict>,
 }
 
-/// What a file says of the nodes.
+/// What a file states of the nodes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct Claim {
     /// The hash that the nodes should have.
@@ -212,7 +212,7 @@ fn identities(text: &str) -> Result<Vec<(u32, String)>, &'static str> {
             Event::GeneralRef(name) => walk.entity(&name)?,
             Event::Decl(_) => {}
             Event::Eof => break,
-            // What this program does not write could say something else than is read here.
+            // What this program does not write could mean something else than is read here.
             _ => return Err(NO_REPORT),
         }
     }

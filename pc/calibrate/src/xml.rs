@@ -1,6 +1,6 @@
 //! A strict writer of XML: elements, attributes and escaped text, nothing else.
 //!
-//! In: names that the program knows and text from anywhere. Out: a document that every parser
+//! In: names from the program and text from anywhere. Out: a document that every parser
 //! takes. Characters that XML 1.0 does not allow become spaces.
 //!
 //! Left out: reading, comments, CDATA, processing instructions.

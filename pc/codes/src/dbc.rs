@@ -1,10 +1,9 @@
-//! A DBC of what both nodes send with the mapping as delivered, for CAN tools that know nothing of
-//! CANopen.
+//! A DBC of what both nodes send with the mapping as delivered, for CAN tools without CANopen.
 //!
 //! In: the rows. Out: one message per TPDO that carries something, of channel A under node-id 1 and
 //! channel B under node-id 2, with a signal per mapped object: scale, unit, range, receivers, names
 //! of values, texts. A TPDO that is off as delivered is there under the identifier that it has once
-//! it is switched on, and its comment says so. ASCII, CRLF.
+//! it is switched on, and its comment states this. ASCII, CRLF.
 //!
 //! Left out: SDO, EMCY, heartbeat and SRDO (their content is not fixed signals, or is off as
 //! delivered), and any mapping but the delivered one.
@@ -162,7 +161,7 @@ fn layout(message: &Message<'_>) -> String {
     text
 }
 
-/// What the type can say, scaled; nine decimals are more than any unit here has.
+/// What the type can hold, scaled; nine decimals are more than any unit here has.
 fn range(data_type: DataType, factor: f64) -> (f64, f64) {
     let (low, high) = dictionary::span(data_type).unwrap_or_default();
     let scaled = |number: i64| (number as f64 * factor * 1e9).round() / 1e9;

@@ -144,7 +144,7 @@ pub fn number(row: &Row, number: i64) -> String {
     }
 }
 
-/// The default as an EDS says it; `None` where the row has none, or must not be written back.
+/// The default as an EDS has it; `None` where the row has none, or must not be written back.
 pub fn default_text(row: &Row, channel: Channel) -> Option<String> {
     match row.default {
         _ if row.acts => None,

@@ -204,7 +204,7 @@ pub fn one(text: &str) -> Result<Named, NameError> {
     found.pop().ok_or_else(unknown)
 }
 
-/// What of an object is shown when it is named as a whole: its count says nothing.
+/// What of an object is shown when it is named as a whole: its count means nothing.
 fn shown(object: &Object, mut named: Vec<Named>) -> Vec<Named> {
     if !matches!(object.head.shape, Shape::Var) {
         named.retain(|one| one.sub > 0);

@@ -15,7 +15,7 @@ pub fn is_one(row: &Row) -> bool {
     row.index == 0x1016 && matches!(row.shape, Shape::Member)
 }
 
-/// What the number says.
+/// What the number means.
 pub fn text(raw: i64) -> String {
     let (node, time) = (raw >> 16 & 0xFF, raw & 0xFFFF);
     match (NODES.contains(&node) && TIMES.contains(&time), raw) {

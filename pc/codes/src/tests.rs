@@ -165,7 +165,7 @@ fn a_run_of_sub_indices_is_spread_out_and_numbered() {
 }
 
 #[test]
-fn the_access_says_which_pdo_may_carry_a_writable_object() {
+fn the_access_states_which_pdo_may_carry_a_writable_object() {
     let (read, write) = (Access::READ, Access::WRITE);
     let both = read.and(write);
     let (sent, received) = (Access::TPDO, Access::RPDO);
@@ -473,7 +473,7 @@ fn half_a_sentence_was_the_name_of_a_value() {
     ];
     for row in models.into_iter().flat_map(rows_of) {
         for (number, name) in meaning::names(row) {
-            // What is written has a name that can be typed; what is read may say more.
+            // What is written has a name that can be typed; what is read may be longer.
             let longest = if row.access.has(Access::WRITE) {
                 28
             } else {

@@ -278,8 +278,8 @@ fn whole(text: &str) -> Option<i64> {
     magnitude.map(|magnitude| sign * magnitude)
 }
 
-/// A number that says of itself that it is hexadecimal: as it stands in the object, whatever that
-/// is counted in.
+/// A number that is marked as hexadecimal: as it stands in the object, whatever that is counted
+/// in.
 fn hexadecimal(text: &str) -> Option<i64> {
     let digits = text.strip_prefix(['+', '-']).unwrap_or(text);
     name::hex(digits).and_then(|_| whole(text))

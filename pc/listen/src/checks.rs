@@ -1,4 +1,4 @@
-//! What does not fit together in what a channel says.
+//! What does not fit together in what a channel sends.
 //!
 //! In: each thing found, with its time. Out: how often, and when first.
 
@@ -7,11 +7,11 @@ use serde::{Deserialize, Serialize};
 /// A thing that can be wrong with what was received.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Check {
-    /// A frame of the node of a length that its plan does not know.
+    /// A frame of the node of a length that its plan does not have.
     Length,
     /// A slope that may be used and is outside the measuring range (2040h).
     Range,
-    /// A slope whose validity bit says otherwise than the number does.
+    /// A slope whose validity bit contradicts the number.
     Validity,
     /// A code that has no meaning: state, quality, fault or NMT state.
     Reserved,
@@ -77,7 +77,7 @@ pub struct Finding {
     pub first_ns: u64,
 }
 
-/// All that was found in what a channel says.
+/// All that was found in what a channel sends.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Checks([Finding; Check::ALL.len()]);
 

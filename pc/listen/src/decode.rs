@@ -1,6 +1,6 @@
 //! The values of a PDO.
 //!
-//! In: its eight bytes and what the plan says of them. Out: a [`Values`], in which only those are
+//! In: its eight bytes and what the plan has for them. Out: a [`Values`], in which only those are
 //! set that the PDO carries.
 
 use super::plan::{PdoPlan, What};
@@ -9,7 +9,7 @@ use device::exchange::{Exchange, NO_VECTOR};
 /// What one PDO has told.
 #[derive(Clone, Copy, Debug)]
 pub struct Values {
-    /// Slope X and Y, 0.001 deg; `None` where the number says that there is none.
+    /// Slope X and Y, 0.001 deg; `None` where the number means that there is none.
     pub slopes_mdeg: [Option<i32>; 2],
     /// Validity (2020h).
     pub validity: Option<u8>,

@@ -1,13 +1,13 @@
-//! What the frames of a bus say of the instruments on it: the one reading of them that monitor,
-//! replay and report share.
+//! What the frames of a bus report of the instruments on it: the one reading of them that
+//! monitor, replay and report share.
 //!
 //! In: a [`Plan`] of which nodes make a pair and what their PDOs carry, then frames with their
 //! time. Out: with each frame its [`Meaning`], and in [`Watch`] the last of everything. Angles are
 //! in 0.001 deg whatever resolution the bus has. The difference of a pair is formed anew here, of
-//! the two angles of one SYNC, beside what the nodes say of themselves.
+//! the two angles of one SYNC, beside what the nodes report of themselves.
 //!
 //! Left out: where frames come from (`bus-master`, `bus-logs`), and what is done with what they
-//! say.
+//! report.
 
 mod checks;
 mod decode;
@@ -67,7 +67,7 @@ pub enum Meaning {
     Heartbeat(Place, Beat),
     /// SYNC.
     Sync,
-    /// A frame of the instrument that does not have the form which the plan says.
+    /// A frame of the instrument that does not have the form which the plan has.
     Malformed(Place),
     /// Any other frame: of other nodes, SDO, LSS, NMT, 29-bit, remote.
     Other,
@@ -80,7 +80,7 @@ pub struct Counts {
     pub frames: u64,
     /// SYNCs.
     pub syncs: u64,
-    /// Frames of the instruments with a length that the plan does not know.
+    /// Frames of the instruments with a length that the plan does not have.
     pub malformed: u64,
     /// Frames of nodes that are not in the plan, and of no node: all that follow together.
     pub others: u64,
@@ -159,7 +159,7 @@ pub struct Watch {
 }
 
 impl Watch {
-    /// Knows nothing yet.
+    /// Nothing seen yet.
     pub fn new(plan: &Plan) -> Self {
         let mut watch = Self {
             pairs: Vec::with_capacity(plan.pairs.len()),

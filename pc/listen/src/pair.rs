@@ -44,12 +44,12 @@ pub struct Pair {
     rounds: u64,
     /// Differences of the exchanged angles of the latest SYNCs, the newest first.
     recent: [[Option<i32>; 2]; RECENT],
-    /// SYNCs for which 2024h may still be of one at which a node did not send its angle: it knows
+    /// SYNCs for which 2024h may still be of one at which a node did not send its angle: it has
     /// that angle, and states the difference with it.
     unsent: usize,
     /// By how much 2024h of each side was off, when it was sent.
     off_mdeg: [Option<u32>; 2],
-    /// Since when the exchanged angles are apart although both say that they agree.
+    /// Since when the exchanged angles are apart although both report that they agree.
     apart_ns: Option<u64>,
     /// Since when both have told states that exclude each other.
     at_odds_ns: Option<u64>,

@@ -1,6 +1,6 @@
 //! Which instruments are on a bus, and what their nodes send.
 //!
-//! In: node-ids, and for nodes that are not as delivered what an EDS or DCF says. Out: a [`Plan`]:
+//! In: node-ids, and for nodes that are not as delivered what an EDS or DCF has. Out: a [`Plan`]:
 //! per node the COB-IDs of its services, what each PDO carries, and the units.
 //!
 //! Left out: reading such files (`eds`).
@@ -244,7 +244,7 @@ mod tests {
     }
 
     #[test]
-    fn as_delivered_is_what_the_node_says_of_itself() {
+    fn as_delivered_is_what_the_node_has() {
         let lengths = NodePlan::as_delivered(1)
             .pdos
             .iter()

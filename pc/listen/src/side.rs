@@ -2,7 +2,7 @@
 //!
 //! In: the values of its PDOs, its EMCY and heartbeats. Out: its [`Side`].
 //!
-//! Left out: what it says by SDO.
+//! Left out: what it sends by SDO.
 
 use canopen::nmt::State;
 use device::exchange::{self, Exchange, NO_VECTOR};
@@ -107,7 +107,7 @@ pub struct Side {
     pub emergency: Option<(u64, Emergency)>,
     /// Boot-up messages seen.
     pub boots: u32,
-    /// What does not fit together in what it says.
+    /// What does not fit together in what it sends.
     pub checks: Checks,
     pub(super) plan: NodePlan,
     /// PDOs of the plan that came since the SYNC, and since the one before: bit n for PDO n.

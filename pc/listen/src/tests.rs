@@ -227,7 +227,7 @@ fn a_difference_of_the_smaller_axis_was_taken_for_the_larger_one() {
 }
 
 #[test]
-fn a_pair_that_says_it_agrees_while_its_angles_are_apart_is_counted() {
+fn a_pair_that_reports_agreement_while_its_angles_are_apart_is_counted() {
     let mut bus = bus();
     for _ in 0..100 {
         bus.round([0, 2000], [1, 1]);

@@ -1,4 +1,4 @@
-//! Why monitoring could not be done: one sentence that says which file or bus, and what to do.
+//! Why monitoring could not be done: one sentence that states which file or bus, and what to do.
 
 use std::io;
 use std::net::SocketAddr;

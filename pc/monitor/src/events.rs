@@ -34,7 +34,7 @@ pub enum Kind {
     Sync,
     /// The bus, or the log, is silent, or is heard again.
     Silence,
-    /// Something in what a channel says does not fit together.
+    /// Something in what a channel sends does not fit together.
     Check,
     /// A frame that should not be: malformed, of an unknown node.
     Stranger,

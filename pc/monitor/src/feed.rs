@@ -13,7 +13,7 @@ use canopen::Frame;
 use bus_master::survey::Survey;
 use bus_master::{Bus, BusOptions, JoinError, diagnosis};
 
-/// What a source has to say.
+/// What a source gives.
 #[derive(Debug)]
 pub enum Step {
     /// A frame was seen at this time, in ns on the source's clock.

@@ -61,7 +61,7 @@ const LAST_WORDS: Duration = Duration::from_millis(600);
 /// How often it is looked whether the time is over.
 const GLANCE: Duration = Duration::from_millis(50);
 
-/// Shows what happens until the user, the source or the time says stop.
+/// Shows what happens until the user, the source or the time ends it.
 ///
 /// Errors: see [`MonitorError`].
 pub fn run(arguments: &Arguments) -> Result<ExitCode, MonitorError> {
@@ -199,7 +199,7 @@ fn print_lines(
     page: Option<String>,
 ) -> io::Result<()> {
     let stays = page.is_some();
-    // Asked while it is there: of a terminal that is closed nobody can say what it was.
+    // Asked while it is there: of a closed terminal it can't be found out what it was.
     let is_terminal = io::stdout().is_terminal();
     let has_gone = |error: &io::Error| {
         error.kind() == io::ErrorKind::BrokenPipe || is_terminal && terminal::is_gone(error)

@@ -1,4 +1,4 @@
-//! What a view knows: the watch on the frames, and what only time tells.
+//! What a view has: the watch on the frames, and what only time shows.
 //!
 //! In: frames with their time, and time without frames, both on the source's clock. Out: a
 //! [`Snapshot`] of any moment, traces, and events. A heartbeat, a SYNC or an angle that comes no
@@ -110,7 +110,7 @@ pub struct PairExtra {
     pub trace: Trace,
 }
 
-/// All that a view knows.
+/// All that a view has.
 #[derive(Clone, Debug)]
 pub struct Model {
     pub(super) setup: Setup,
@@ -137,7 +137,7 @@ pub struct Model {
 }
 
 impl Model {
-    /// Knows nothing yet.
+    /// Nothing in it yet.
     pub fn new(plan: &Plan, setup: Setup) -> Self {
         Self {
             setup,
@@ -200,7 +200,7 @@ impl Model {
         self.any_ns.is_none() || self.any.stopped
     }
 
-    /// Says what a silence may come from; shown while nothing comes.
+    /// Sets what a silence may come from; shown while nothing comes.
     pub fn advise(&mut self, advice: Option<String>) {
         self.advice = advice;
     }
@@ -303,7 +303,7 @@ impl Model {
         };
         extra.is_lost = true;
         let text = format!("heartbeat lost: none for {age_s:.1} s");
-        self.say(place, Kind::Heartbeat, Level::Fault, text);
+        self.add_event(place, Kind::Heartbeat, Level::Fault, text);
     }
 
     fn heard(&mut self) {
@@ -366,7 +366,7 @@ impl Model {
         pair.sides.get_mut(usize::from(place.side))
     }
 
-    fn say(&mut self, place: Place, kind: Kind, level: Level, text: String) {
+    fn add_event(&mut self, place: Place, kind: Kind, level: Level, text: String) {
         let whom = whom(usize::from(place.pair), usize::from(place.side));
         self.events.add(self.now_ns, whom, kind, level, text);
     }
@@ -404,7 +404,7 @@ impl Model {
             return;
         }
         let text = words::state(slopes.state, seen_from(side)).into_owned();
-        self.say(place, Kind::Verdict, level::of_state(slopes.state), text);
+        self.add_event(place, Kind::Verdict, level::of_state(slopes.state), text);
     }
 
     fn exchanged(&mut self, place: Place) {
@@ -483,7 +483,7 @@ impl Model {
             0 => text,
             code => format!("EMCY {code:04X}h: {text}"),
         };
-        self.say(place, Kind::Emergency, level, text);
+        self.add_event(place, Kind::Emergency, level, text);
     }
 
     fn heartbeat(&mut self, place: Place, beat: Beat) {
@@ -504,14 +504,14 @@ impl Model {
         }
         if again {
             let text = "heartbeat is there again".to_owned();
-            self.say(place, Kind::Heartbeat, Level::Good, text);
+            self.add_event(place, Kind::Heartbeat, Level::Good, text);
         }
         let (level, text) = match state {
             Some(State::Initialising) => (Level::Warning, "the node has started".to_owned()),
             Some(state) => (Level::Good, format!("the node is {}", words::nmt(state))),
             None => return,
         };
-        self.say(place, Kind::Nmt, level, text);
+        self.add_event(place, Kind::Nmt, level, text);
     }
 
     fn malformed(&mut self, place: Place, frame: &Frame) {
@@ -520,7 +520,7 @@ impl Model {
             "frame {id:03X}h of {} bytes has not the form that was delivered",
             frame.bytes().len()
         );
-        self.say(place, Kind::Stranger, Level::Warning, text);
+        self.add_event(place, Kind::Stranger, Level::Warning, text);
     }
 
     /// A heartbeat of a node that is not watched is told once.

@@ -254,7 +254,7 @@ fn the_blamed_channel_and_the_reason_are_named() {
             "B EMCY FF08h: this channel moved alone, or its gravity is of the wrong length"
         )
     );
-    // TPDO 3 says it for each axis.
+    // TPDO 3 has it for each axis.
     bench.take(0x382, &[0, 0, 0, 0, 0, 0, 13, 13]);
     assert_eq!(bench.channel(1).slope_x_reason.as_deref(), Some(why));
     assert_eq!(
@@ -396,7 +396,7 @@ fn what_does_not_fit_together_is_counted_and_told_once() {
     let mut bench = Bench::new();
     for _ in 0..3 {
         bench.take(0x80, &[]);
-        // Validity says that both may be used, and X is none.
+        // By the validity both may be used, and X is none.
         bench.take(0x181, &[0, 0x80, 0, 0, 0x7F, 1]);
         bench.wait(10);
     }

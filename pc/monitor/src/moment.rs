@@ -1,7 +1,7 @@
-//! From what the model knows to what a view shows at one moment.
+//! From what the model has to what a view shows at one moment.
 //!
-//! In: a [`Model`]. Out: its [`Snapshot`]. A value that is too old is left out, and the reason says
-//! how old it is and, where that is known, why no newer one comes.
+//! In: a [`Model`]. Out: its [`Snapshot`]. A value that is too old is left out, and the reason
+//! states how old it is and, where that is known, why no newer one comes.
 //!
 //! Left out: anything that changes the model.
 
@@ -24,7 +24,7 @@ const COVERAGE: f64 = 2.0;
 /// Each of two slopes is rounded to a count of 0.01 deg, so their difference may be off by one.
 const RESOLUTION_DEG: f64 = 0.01;
 
-/// TPDO 3's quality says a reason up to this.
+/// TPDO 3's quality is a reason up to this.
 const LAST_REASON: u8 = 31;
 
 /// Everything at this moment.
@@ -297,7 +297,7 @@ fn slope(
     if let Some(mdeg) = slopes.mdeg.get(axis).copied().flatten() {
         return Known::Fresh(f64::from(mdeg) / 1000.0);
     }
-    // TPDO 3 says it for each axis, where it has no angle either.
+    // TPDO 3 has it for each axis, where it has no angle either.
     let limit = SLOPES.limit_ns(extra.slopes.interval_ns());
     let told = extra
         .quality

@@ -13,7 +13,7 @@ use listen::{Plan, PlanOptions};
 /// Longest time that can be asked for: a year.
 const MOST_S: f64 = 366.0 * 86_400.0;
 
-/// Listens to a bus and sends nothing, unless `--start` or `--sync` says so.
+/// Listens to a bus and sends nothing, unless `--start` or `--sync` is given.
 #[derive(Debug, Args)]
 pub struct Arguments {
     /// Logs instead of a bus: files or folders, candump -L or ASC, plain or gzip; -c is then the

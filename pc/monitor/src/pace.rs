@@ -28,7 +28,7 @@ pub struct Patience {
 }
 
 impl Pace {
-    /// One has come. The interval of the one after a stop says nothing about the pace, unless
+    /// One has come. The interval of the one after a stop shows nothing of the pace, unless
     /// nothing else does.
     pub fn take(&mut self, time_ns: u64) {
         if let Some(last) = self.last_ns

@@ -1,7 +1,7 @@
 //! The plain view: a line for each second, and one for each event.
 //!
 //! In: snapshots and events. Out: text for a person, and objects for `--json`. What is absent is
-//! `--`, and the line's end says why.
+//! `--`, and the line's end states why.
 //!
 //! Left out: when they are printed.
 
@@ -233,7 +233,7 @@ mod tests {
     }
 
     #[test]
-    fn a_line_has_both_angles_and_says_what_is_missing() {
+    fn a_line_has_both_angles_and_what_is_missing() {
         let text = state(&seen());
         let start = "22:13:20.0  A +10.000 -1.000  B +9.980 --  A-B +0.020 --  ok: both agree";
         assert!(text.starts_with(start), "{text}");

@@ -109,7 +109,7 @@ impl Recorder {
     /// Creates the file; one that exists is taken only with `force`. A device or a pipe is written
     /// into.
     ///
-    /// Errors: what the system says, [`io::ErrorKind::AlreadyExists`] above all.
+    /// Errors: what the system reports, [`io::ErrorKind::AlreadyExists`] above all.
     pub fn create(path: &Path, force: bool) -> io::Result<Self> {
         let mut options = OpenOptions::new();
         options.write(true);
@@ -147,7 +147,7 @@ impl Recorder {
 
     /// Takes a frame.
     ///
-    /// Errors: what the system says; the recording is over then and whole as far as it goes.
+    /// Errors: what the system reports; the recording is over then and whole as far as it goes.
     pub fn take(&mut self, time_ns: u64, interface: &str, frame: &Frame) -> io::Result<()> {
         self.writer.write(time_ns, interface, frame)?;
         self.held += 1;

@@ -16,7 +16,7 @@ pub const FORMAT: &str = "plumb-monitor";
 /// Version of the format.
 pub const VERSION: u32 = 1;
 
-/// A value that may be absent, and then says why.
+/// A value that may be absent, and then the reason.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Known<T> {
     /// It is fresh.
@@ -54,7 +54,7 @@ pub struct StandingFault {
     pub text: &'static str,
 }
 
-/// Something in what a channel says that does not fit together.
+/// Something in what a channel sends that does not fit together.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct FindingCount {
     /// Its name.
@@ -124,7 +124,7 @@ pub struct Channel {
     pub boots: u32,
     /// Faults that stand, by its latest EMCY.
     pub faults: Vec<StandingFault>,
-    /// What does not fit together in what it says.
+    /// What does not fit together in what it sends.
     pub findings: Vec<FindingCount>,
 }
 
@@ -257,7 +257,7 @@ pub struct Snapshot {
     pub format: &'static str,
     /// Always [`VERSION`].
     pub version: u32,
-    /// Always `state`; events say `event`.
+    /// Always `state`; events have `event`.
     pub record: &'static str,
     /// Time on the source's clock, s; of a bus since 1970.
     pub time_s: f64,

@@ -1,6 +1,6 @@
 //! Checks of pages and of JSON, for the tests of those who make them.
 //!
-//! In: a page as a browser gets it. Out: a panic that says what is wrong with it. Or in: what is
+//! In: a page as a browser gets it. Out: a panic that states what is wrong with it. Or in: what is
 //! written as JSON, and the document that describes it. Out: the keys that each of them has.
 //!
 //! Left out: what is written on a page.

@@ -101,7 +101,7 @@ pub fn verdict(pass: bool, text: &str) -> String {
 }
 
 /// A table under its title; it scrolls sideways where it is too wide. A table without rows is a
-/// sentence that says so.
+/// sentence that states this.
 pub fn table(table: &Table) -> String {
     let title = escape(&table.title);
     let mut out = format!("<h3>{title}</h3>\n");
@@ -244,7 +244,7 @@ mod tests {
     }
 
     #[test]
-    fn a_table_says_pass_and_fail_in_word_and_class() {
+    fn a_table_has_pass_and_fail_in_word_and_class() {
         let columns = vec![
             Column::text("What"),
             Column::number("Value"),

@@ -11,7 +11,7 @@ use serde::Serialize;
 
 /// Prints.
 ///
-/// Errors: what the system says, but not that the reader has gone.
+/// Errors: what the system reports, but not that the reader has gone.
 pub fn print(text: impl AsRef<[u8]>) -> io::Result<()> {
     let mut out = io::stdout().lock();
     match out.write_all(text.as_ref()).and_then(|()| out.flush()) {
@@ -22,7 +22,7 @@ pub fn print(text: impl AsRef<[u8]>) -> io::Result<()> {
 
 /// Prints a value as one line of JSON.
 ///
-/// Errors: what the system says, and that the value has no form in JSON.
+/// Errors: what the system reports, and that the value has no form in JSON.
 pub fn print_json(value: &impl Serialize) -> io::Result<()> {
     print(serde_json::to_string(value)? + "\n")
 }

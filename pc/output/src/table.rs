@@ -1,8 +1,9 @@
 //! A table that prints aligned in a terminal.
 //!
 //! In: columns (with an alignment and perhaps a group above them) and rows of cells. Out: lines of
-//! plain text, numbers to the right. The same table is turned into HTML by the report, so both say
-//! the same. Left out: wide characters and wrapping; every cell is one line of narrow characters.
+//! plain text, numbers to the right. The same table is turned into HTML by the report, so both
+//! show the same. Left out: wide characters and wrapping; every cell is one line of narrow
+//! characters.
 
 use std::fmt::Write;
 
@@ -66,7 +67,7 @@ impl Column {
 /// One cell.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Cell {
-    /// What it says.
+    /// Its text.
     pub text: String,
     /// What it means.
     pub tone: Tone,

@@ -1,13 +1,13 @@
 //! Files on disk that appear whole or not at all; `report.html` and `report.json` above all.
 //!
 //! In: a report and a folder, which is made when it is not there; or any file. Out: the files, or
-//! an error that names the path and says what to do. Each file is written under another name in the
-//! same folder and renamed when it is complete, so nobody ever finds half a report, and what was
-//! there before stays until then. A link stays, and the file it leads to is replaced. A device, a
-//! pipe or an open file of the process is never replaced: [`save`] writes into it, all others
-//! refuse it ([`NoPlace`]). A file whose name the user gave is replaced only where the user said
-//! so ([`Existing`]). What a process that was killed has left beside a place is removed by the
-//! next one that writes there.
+//! an error that names the path and states what to do. Each file is written under another name in
+//! the same folder and renamed when it is complete, so nobody ever finds half a report, and what
+//! was there before stays until then. A link stays, and the file it leads to is replaced. A
+//! device, a pipe or an open file of the process is never replaced: [`save`] writes into it, all
+//! others refuse it ([`NoPlace`]). A file whose name the user gave is replaced only where the user
+//! said so ([`Existing`]). What a process that was killed has left beside a place is removed by
+//! the next one that writes there.
 
 use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::{self, Write};
@@ -123,7 +123,7 @@ pub enum Existing {
 }
 
 impl Existing {
-    /// What `--force`, given or not, says.
+    /// What `--force`, given or not, means.
     pub const fn of(force: bool) -> Self {
         match force {
             true => Self::Replace,
@@ -134,8 +134,8 @@ impl Existing {
 
 /// The sentence for a file that was not written, of which the user gave the name.
 ///
-/// In: the file, what the system or [`NoPlace`] says, and what to choose instead, as "another file
-/// with --output".
+/// In: the file, what the system or [`NoPlace`] reports, and what to choose instead, as "another
+/// file with --output".
 pub fn not_written(place: &Path, why: &io::Error, other: &str) -> String {
     let place = shown(place);
     match why.kind() {
@@ -161,7 +161,7 @@ pub enum NoPlace {
     /// A device, a pipe, or an open file of the process as `/dev/stdout` names it.
     #[error("it is no regular file")]
     Special,
-    /// A file that may not be written, or what else the system says.
+    /// A file that may not be written, or what else the system reports.
     #[error("{0}")]
     System(#[from] io::Error),
 }
@@ -214,7 +214,7 @@ fn is_open_file(path: &Path) -> bool {
 /// Writes a file, which appears whole or not at all. What is there and is neither a regular file
 /// nor a folder, as a device or a pipe, is written into.
 ///
-/// Errors: what the system says, or why nothing can be replaced there.
+/// Errors: what the system reports, or why nothing can be replaced there.
 pub fn save(place: &Path, content: impl AsRef<[u8]>, existing: Existing) -> io::Result<()> {
     match check_place(place, existing) {
         Err(NoPlace::Special) => fs::write(place, content),
@@ -235,12 +235,12 @@ impl Staged {
     /// Begins an empty file beside `place`, hidden, with the rights of the file that it is to
     /// replace, or of any new one.
     ///
-    /// Errors: a place of which [`NoPlace`] tells, or what the system says.
+    /// Errors: a place of which [`NoPlace`] tells, or what the system reports.
     pub fn begin(place: &Path, existing: Existing) -> io::Result<Self> {
         let place = check_place(place, existing)?;
         let file = beside(&place)?;
         if let Ok(old) = fs::metadata(&place) {
-            // Some file systems know no rights.
+            // Some file systems have no rights.
             let _ = file.as_file().set_permissions(old.permissions());
         }
         Ok(Self {
@@ -262,21 +262,21 @@ impl Staged {
 
     /// The file, for what is written to it piece by piece.
     ///
-    /// Errors: what the system says.
+    /// Errors: what the system reports.
     pub fn handle(&self) -> io::Result<File> {
         self.file.as_file().try_clone()
     }
 
     /// Waits until what was written is on the disk.
     ///
-    /// Errors: what the system says, above all that the disk is full.
+    /// Errors: what the system reports, above all that the disk is full.
     pub fn sync(&self) -> io::Result<()> {
         self.file.as_file().sync_all()
     }
 
     /// Puts the file in its place, where it replaces an older one if it may.
     ///
-    /// Errors: what the system says, also that a file has come there meanwhile.
+    /// Errors: what the system reports, also that a file has come there meanwhile.
     pub fn put_in_place(self) -> io::Result<()> {
         let placed = match self.existing {
             Existing::Keep => self.file.persist_noclobber(&self.place),

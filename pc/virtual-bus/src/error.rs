@@ -1,4 +1,4 @@
-//! Why `plumb serve` did not start, or has ended by itself: one sentence that says what to do.
+//! Why `plumb serve` did not start, or has ended by itself: one sentence that states what to do.
 
 use std::io;
 use std::net::SocketAddr;

@@ -46,7 +46,7 @@ pub struct Twin {
 
 impl Twin {
     /// Builds the instruments, calibrates them and gives them power, at virtual time 0. Of the
-    /// arguments those count that say what is built.
+    /// arguments those count that set what is built.
     ///
     /// Errors: see [`ServeError`].
     pub fn new(arguments: &Arguments) -> Result<Self, ServeError> {

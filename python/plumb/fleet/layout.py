@@ -291,7 +291,7 @@ def _open(url: str) -> tuple[Any, str]:
 
 
 def _files(system: Any, root: str, name: str) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Paths of all files below a folder, each with what the file system knows of it."""
+    """Paths of all files below a folder, each with what the file system has of it."""
     try:
         if not system.exists(root):
             raise FleetError(f"{name} is not there: name the folder of the machines")

@@ -26,6 +26,9 @@ from .scratch import Scratch
 from .store import Line, Store, owned, refuse_other_kinds, rename_former_days
 from .visits import Rules
 
+MOST_WORKERS = 64
+"""The most processes that are started on one machine with fewer processors."""
+
 LOST = work.Read(
     None, False, error=f"{work.HERE} is gone, and its summary is damaged: it no longer counts"
 )
@@ -110,13 +113,16 @@ def run(
 def _folder(out: str | os.PathLike[str]) -> pathlib.Path:
     """The folder of the results.
 
-    Errors: `FleetError` where it is a URL.
+    Errors: `FleetError` where it is a URL, or where its name can be in no table.
     """
     if "://" in os.fspath(out):
         raise FleetError(
             f"{os.fspath(out)} is a URL, and results are written to a folder of this machine: name "
             "one, and copy it afterwards"
         )
+    path = os.path.abspath(out)
+    if layout.shown(path) != path:
+        raise FleetError(f"{layout.shown(path)} is not UTF-8: give the results a folder that is")
     return pathlib.Path(out)
 
 
@@ -213,6 +219,8 @@ def _workers(wanted: int | None, known: Scratch) -> int:
     if wanted is not None:
         if wanted < 1:
             raise FleetError(f"{wanted} workers can't work: give one or more")
+        if wanted > (most := max(MOST_WORKERS, os.cpu_count() or 1)):
+            raise FleetError(f"{wanted} workers are more than one machine takes: give at most {most}")
         return wanted
     _, size = known.todo_size()
     return max(1, min(os.cpu_count() or 1, size // schedulers.GROUP_BYTES))

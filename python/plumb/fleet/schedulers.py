@@ -265,7 +265,7 @@ def _client(address: str) -> Iterator[Any]:
             f"{address!r} is no address of a Dask scheduler: write it as tcp://host:8786"
         ) from None
     try:
-        # A client waits for ever where something listens that never says a word.
+        # A client waits for ever where something listens that never sends a word.
         with concurrent.futures.ThreadPoolExecutor(1) as beside:
             beside.submit(asyncio.run, _greet(address)).result()
         with dask.config.set({"distributed.admin.low-level-log-length": KEPT}):

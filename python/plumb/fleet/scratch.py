@@ -1,4 +1,4 @@
-"""What a run has to know of each log while it lasts: tables in a temporary file.
+"""What a run has to keep of each log while it lasts: tables in a temporary file.
 
 In: logs and strays as they are found, lines of earlier runs, and what logs and days have come to.
 Out: the same in the order that is asked for, a row at a time, so that memory does not grow with the
@@ -110,7 +110,7 @@ class Scratch:
     def add(self, found: Log | Stray | About) -> None:
         """Enters what was found.
 
-        Errors: `FleetError` where a manifest says two things of a machine.
+        Errors: `FleetError` where a manifest states two things of a machine.
         """
         if isinstance(found, Log):
             self._add_log(found)

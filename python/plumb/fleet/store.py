@@ -122,7 +122,7 @@ VERSION = 2
 
 
 class Damaged(FleetError):
-    """The summary of a log can't be used; the text says which."""
+    """The summary of a log can't be used; the text states which."""
 
 
 class Store:

@@ -1,6 +1,6 @@
 //! The other reading of table and rule: the nearest point of a denser table (assumption A1).
 //!
-//! The paper says that the motor moves and the node memorises at the same time, and gives the
+//! The paper states that the motor moves and the node memorises at the same time, and gives the
 //! motor's speed, 1 deg in 1500 ms: at 50 samples a second that is up to 75 points a degree. Here
 //! the motor turns without a stop and each point is the one sample nearest to its angle. Readings
 //! are those of paper mode, carried back through its straight lines to the acceleration that they

@@ -51,7 +51,7 @@ pub struct Pairs {
 /// What came of one run. Times are from the fault's beginning, s.
 #[derive(Clone, Debug, Default)]
 pub struct Outcome {
-    /// The first accusation: states 6 to 9, or a bus on which neither channel says anything.
+    /// The first accusation: states 6 to 9, or a bus on which neither channel sends anything.
     pub told_s: Option<f64>,
     /// A channel was named first.
     pub named_s: Option<f64>,

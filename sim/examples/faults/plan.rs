@@ -19,7 +19,7 @@ pub struct Reference {
     pub detected: u32,
     /// Median delay, s; `None` for "at the first".
     pub delay_s: Option<f64>,
-    /// Isolated, per cent, where the study says so.
+    /// Isolated, per cent, where the study has it.
     pub isolated: Option<u32>,
 }
 
@@ -56,7 +56,7 @@ pub struct Kind {
     pub in_paper: bool,
 }
 
-/// How long a fault is watched unless its kind says otherwise, s.
+/// How long a fault is watched unless its kind has a time of its own, s.
 const WATCH_S: f64 = 10.0;
 /// Paper mode is watched for longer, s.
 const PAPER_WATCH_S: f64 = 20.0;

@@ -234,7 +234,7 @@ impl<'a> Run<'a> {
     fn is_over(&self) -> bool {
         let now_ns = self.network.now_ns();
         let told = &self.observer.outcome;
-        // A healthy instrument that the paper's rule holds for broken says nothing else any more.
+        // A healthy instrument that the paper's rule holds for broken reports nothing else.
         let given_up = self.case.obeys && told.physical > 0;
         if now_ns >= self.end_ns || given_up {
             return true;

@@ -38,7 +38,7 @@ pub struct DynamicPoint {
     pub time_s: f64,
     /// True angle now, deg.
     pub truth_deg: f64,
-    /// What the nodes say now, deg.
+    /// What the nodes show now, deg.
     pub nodes_deg: [Option<f64>; 2],
     /// True angle at the instant that each node's reading declares, deg.
     pub truth_then_deg: [f64; 2],

@@ -31,7 +31,7 @@ impl Person {
     }
 
     /// What points up, in the housing's axes, when `up` was asked for, of any length: on a face
-    /// where it lies along an axis, and leaning where it does not. `turned` says that the housing
+    /// where it lies along an axis, and leaning where it does not. `turned` means that the housing
     /// was to be turned by 180 deg on its surface.
     pub fn put(&mut self, up: [f64; 3], turned: bool) -> [f64; 3] {
         let face = up.iter().filter(|c| **c != 0.0).count() == 1;

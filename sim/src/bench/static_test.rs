@@ -66,7 +66,7 @@ impl Bench {
             .collect()
     }
 
-    /// What the instrument should say where the shaft stands: the shaft's angle, and for a slope,
+    /// What the instrument should show where the shaft stands: the shaft's angle, and for a slope,
     /// which has nothing beyond the vertical, what is left of it on this side.
     fn truth_deg(&self) -> f64 {
         let shaft_deg = self.rig.shaft().true_deg;

@@ -2,7 +2,7 @@
 //!
 //! In: where the motor rests in each mount. Out: for each turn and node the means before and after
 //! it and the rates in between, from which the fits of `gyroscope` take their equations once the
-//! node's accelerometer is calibrated. How far the motor says it has turned takes no part.
+//! node's accelerometer is calibrated. The angle that the motor reports takes no part.
 //!
 //! The motor turns the housing in three mounts, so about each of its axes. In the third mount, on
 //! edge, it turns about z: without it a slewing machine would tilt the vertical by what z has of

@@ -7,7 +7,7 @@
 //! The world obeys the instrument: it stops the arm for the 45 s that the paper's rule asks for,
 //! and on a fault it stands until the supply has been checked (and mended, if it was the cause)
 //! and the instrument reset, after which work goes on (Table I). Between a fault and the reset no
-//! warnings are counted: the instrument has said what it has to say.
+//! warnings are counted: the instrument has reported what it has to report.
 //!
 //! [`super::scene`] has the same for a single stretch of work of whole devices on a bus, with
 //! trouble of the caller's choice: both rows of Table I are provoked with it.
@@ -139,7 +139,7 @@ pub(super) trait AtWork {
     fn time_s(&self) -> f64;
     /// Lets the machine move it for so long, s.
     fn run(&mut self, arm: &mut Excavator, duration_s: f64);
-    /// What node 1 says of the pair now.
+    /// What node 1 reports of the pair now.
     fn compare(&mut self) -> Compared;
     /// Power off and on: the code of both nodes starts anew.
     fn power_cycle(&mut self);
@@ -149,7 +149,7 @@ pub(super) trait AtWork {
     fn delay(&mut self, ms: u32);
 }
 
-/// What node 1 says of a pair.
+/// What node 1 reports of a pair.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Compared {
     /// The judgement.

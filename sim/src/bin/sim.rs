@@ -177,8 +177,7 @@ fn print(seen: Seen<'_>) {
     let _ = match (seen.message, seen.event) {
         (Some((channel, message)), _) => {
             let name = ["A", "B"][channel];
-            let truth = seen.truth.map_or([f64::NAN; 2], |slopes| slopes.ideal_deg);
-            let [x, y] = truth;
+            let [x, y] = seen.truth_deg.unwrap_or([f64::NAN; 2]);
             writeln!(out, "{at_s:.6} {name} {message:?}, truth {x:.2} {y:.2} deg")
         }
         (None, Event::Error { .. } | Event::Changed { .. }) => {

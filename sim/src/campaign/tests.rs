@@ -50,7 +50,7 @@ fn a_fault_that_was_not_detected_had_a_delay_that_is_no_number() {
 
 #[test]
 fn paper_mode_was_printed_as_if_the_promise_held_for_it() {
-    let says = |mode| {
+    let excepted = |mode| {
         let setup = Setup {
             mode,
             ..Setup::healthy(1)
@@ -59,5 +59,5 @@ fn paper_mode_was_printed_as_if_the_promise_held_for_it() {
         let outcome = run(setup, &pool, |_| {}).unwrap();
         outcome.to_string().contains("the promise is not for it")
     };
-    assert!(says(Mode::Paper) && !says(Mode::Product));
+    assert!(excepted(Mode::Paper) && !excepted(Mode::Product));
 }

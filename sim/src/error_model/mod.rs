@@ -1,7 +1,7 @@
 //! The error model of one sensor: every way a part may differ from a perfect one, by name.
 //!
 //! In: nothing but constants; each term is a field in the unit of its name, 1 sigma unless its
-//! comment says otherwise, with the tag of its source: `[DS]` data sheet, `[ASSUME]` engineering
+//! comment has another, with the tag of its source: `[DS]` data sheet, `[ASSUME]` engineering
 //! assumption to be replaced by bench data. Setting a field to 0 (or false) switches its term
 //! off. Out: an [`ErrorModel`], from which [`Part::draw`] makes one sensor's personality.
 //! A gyroscope has a model of its own, [`gyroscope`].
@@ -54,7 +54,7 @@ pub struct ErrorModel {
     pub quadratic_mg_per_g2: f64,
     /// Cubic nonlinearity, mg/g^3. `[ASSUME]`
     pub cubic_mg_per_g3: f64,
-    /// Factor on the white noise of the part's mode: 1 as the data sheet says, 0 none. `[DS]`
+    /// Factor on the white noise of the part's mode: 1 as in the data sheet, 0 none. `[DS]`
     pub white_noise: f64,
     /// The 1/f floor per axis, ug rms: three Gauss-Markov processes together. `[ASSUME]`
     pub flicker_ug: f64,
@@ -128,8 +128,8 @@ impl ErrorModel {
         gyroscope: GyroscopeModel::PERFECT,
     };
 
-    /// What a device has to know of parts without noise, whose codes stand still by right:
-    /// [`device::channel::Settings::noise`]. 0 for others, which say nothing.
+    /// What a device has to be given for parts without noise, whose codes stand still by right:
+    /// [`device::channel::Settings::noise`]. 0, which states nothing, for others.
     pub fn known_noise(&self) -> u32 {
         u32::from(self.white_noise == 0.0)
     }

@@ -133,7 +133,7 @@ fn the_thermometer_has_its_offset_gain_and_noise() {
 }
 
 #[test]
-fn white_noise_is_what_the_mode_says() {
+fn white_noise_is_that_of_the_mode() {
     let mut rng = rng();
     let mut part = Part::draw(&ErrorModel::NOMINAL.only(Term::WhiteNoise), &mut rng);
     let noise: Vec<f64> = (0..40_000)

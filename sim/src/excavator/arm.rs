@@ -398,7 +398,7 @@ mod tests {
         Arm::new(&setup, Rng::stream(seed, "arm"))
     }
 
-    /// Lengths of the runs of ticks in which `holds` says no, and of those in which it says yes.
+    /// Lengths of the runs of ticks in which `holds` is false, and of those in which it is true.
     fn runs(arm: &mut Arm, seconds: u32, holds: impl Fn(&Arm) -> bool) -> [Vec<f64>; 2] {
         let mut lengths: [Vec<f64>; 2] = Default::default();
         let (mut last, mut since_s) = (None, 0.0);

@@ -31,7 +31,7 @@ pub struct OnCounts {
 
 impl OnCounts {
     /// The fault begins at `from_s` of the recording's time; `rate_hz` is its sampling rate, which
-    /// says how much white noise there is in one sample; `rng` is the fault's own.
+    /// sets how much white noise there is in one sample; `rng` is the fault's own.
     pub fn new(fault: SensorFault, from_s: f64, rate_hz: f64, rng: Rng) -> Self {
         Self {
             injected: Injected::new(fault, from_s, rng),
@@ -42,7 +42,7 @@ impl OnCounts {
         }
     }
 
-    /// What the thermometer says instead of `die_c`, degC, once the fault has begun.
+    /// What the thermometer reads instead of `die_c`, degC, once the fault has begun.
     pub fn thermometer_c(&self, die_c: f64) -> f64 {
         self.injected.thermometer_c(die_c)
     }
@@ -162,7 +162,7 @@ mod tests {
     }
 
     #[test]
-    fn bias_drift_and_gain_are_as_large_as_they_say() {
+    fn bias_drift_and_gain_are_as_large_as_was_set() {
         let axis = 0;
         for (into, out) in begun(SensorFault::Bias { axis, mg: 50.0 }) {
             assert_eq!(out, [into[0] + 819, into[1], into[2]]);
@@ -232,7 +232,7 @@ mod tests {
     }
 
     #[test]
-    fn a_thermometer_says_something_else() {
+    fn a_thermometer_reads_something_else() {
         let fault = SensorFault::Thermometer { c: 5.0 };
         let on_counts = OnCounts::new(fault, FROM_S, RATE_HZ, Rng::stream(1, "fault"));
         assert_eq!(on_counts.thermometer_c(20.0), 25.0);

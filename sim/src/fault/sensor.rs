@@ -106,7 +106,7 @@ impl Injected {
         }
     }
 
-    /// What the thermometer says instead of `die_c`, degC.
+    /// What the thermometer reads instead of `die_c`, degC.
     pub fn thermometer_c(&self, die_c: f64) -> f64 {
         match self.fault {
             SensorFault::Thermometer { c } => die_c + c,

@@ -1,4 +1,4 @@
-//! Each fault does what it says, healing ends it, and the part's own noise does not notice.
+//! Each fault does what was set, healing ends it, and the part's own noise does not notice.
 
 use super::*;
 
@@ -218,7 +218,7 @@ fn without_a_rate_there_is_one_spike() {
 }
 
 #[test]
-fn late_samples_keep_their_time_and_are_as_late_as_it_says() {
+fn late_samples_keep_their_time_and_are_as_late_as_was_set() {
     for late_s in [0.05, 0.2] {
         let (faulty, well) = beside_its_twin(SensorFault::Late { s: late_s });
         assert_eq!(faulty.len(), well.len());
@@ -238,7 +238,7 @@ fn late_samples_keep_their_time_and_are_as_late_as_it_says() {
 }
 
 #[test]
-fn lost_edges_are_as_many_as_it_says_and_the_rest_is_true() {
+fn lost_edges_are_as_many_as_was_set_and_the_rest_is_true() {
     let (faulty, well) = beside_its_twin(SensorFault::SampleLoss { share: 0.1 });
     let lost = 1.0 - faulty.len() as f64 / well.len() as f64;
     assert!((0.06..0.14).contains(&lost), "{lost}");

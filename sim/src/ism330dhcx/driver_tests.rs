@@ -433,7 +433,7 @@ fn without_samples_the_self_test_gives_up_and_still_restores() {
 }
 
 #[test]
-fn a_self_test_that_cannot_be_undone_says_so() {
+fn a_self_test_that_cannot_be_undone_is_an_error() {
     let (mut bench, mut sensor) = Bench::with(&Config::PRODUCT);
     let at_ns = bench.chip().now_ns() + 850_000_000;
     let stuck = Fault::WriteRefused(Register::Ctrl5C.address());

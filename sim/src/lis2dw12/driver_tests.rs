@@ -374,7 +374,7 @@ fn without_samples_the_self_test_gives_up_and_still_restores() {
 }
 
 #[test]
-fn a_self_test_that_cannot_be_undone_says_so() {
+fn a_self_test_that_cannot_be_undone_is_an_error() {
     for (fault, error) in [
         (Fault::Bus, VerifyError::Bus(ErrorKind::Other)),
         (

@@ -276,7 +276,7 @@ impl Chip {
         Slave::deselect(self);
     }
 
-    /// Eight clocks: takes a byte in and gives one out, 00h when the part has nothing to say.
+    /// Eight clocks: takes a byte in and gives one out, 00h when the part has nothing to send.
     pub fn exchange(&mut self, incoming: u8) -> u8 {
         Slave::exchange(self, incoming)
     }

@@ -158,7 +158,7 @@ impl Power {
         }
     }
 
-    /// Low-power modes end at 200 Hz and alone know 1.6 Hz.
+    /// Low-power modes end at 200 Hz and alone have 1.6 Hz.
     fn odr_hz(self, field: u8) -> Option<f64> {
         let high_hz = match field {
             1 | 2 => 12.5,

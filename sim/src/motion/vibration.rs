@@ -3,7 +3,7 @@
 //! In: amplitudes in g, frequencies in Hz, one call per tick of [`crate::TICK_S`]. Out: force on
 //! three axes in g, mean 0. Nothing here takes a sine per tick: tones and rings turn a phasor by
 //! a fixed step, noise runs through two second-order sections. Left out: how vibration travels
-//! through the structure; each axis gets its share as its owner says.
+//! through the structure; each axis gets its share as its owner sets it.
 
 use super::{Lanes, axes, each, lanes};
 use crate::TICK_S;
@@ -455,7 +455,7 @@ mod tests {
     }
 
     #[test]
-    fn a_ring_dies_away_as_its_damping_says() {
+    fn a_ring_dies_away_as_its_damping_sets() {
         let mut ring = Ring::damped(25.0, 0.03);
         ring.kick(0.005);
         let signal: Vec<f64> = (0..8000).map(|_| ring.step()).collect();

@@ -1,7 +1,7 @@
 //! Faults of a node on the bus.
 //!
-//! In: a [`NodeFault`] and a stream of random numbers of its own. Out: a node that does what the
-//! fault says until it is healed; one fault per node at a time.
+//! In: a [`NodeFault`] and a stream of random numbers of its own. Out: a node that has the fault
+//! until it is healed; one fault per node at a time.
 //!
 //! Left out: faults of the node's sensor, which its electronics take.
 

@@ -68,8 +68,8 @@ impl Delivered {
         })
     }
 
-    /// As it was soldered: its nodes say that they are not calibrated, and know no more of their
-    /// parts than whether these have any noise at all.
+    /// As it was soldered: its nodes report that they are not calibrated, and have nothing of their
+    /// parts but whether these have any noise at all.
     pub fn bare(mode: Mode, world: &World, seed: u64, unit: u32) -> Self {
         let mut settings = world.settings(mode);
         let parts = world.parts_of(mode);
@@ -162,7 +162,7 @@ impl Delivered {
 }
 
 /// Tells the nodes of channels A and B who they are, as LSS and a commissioning tool do, before
-/// their first start: node-ids ([`UNCONFIGURED`] for none) and the bit rate, kbit/s. `models` says
+/// their first start: node-ids ([`UNCONFIGURED`] for none) and the bit rate, kbit/s. `models` sets
 /// which instrument they are of.
 ///
 /// Errors: those of the store.
@@ -300,7 +300,7 @@ mod tests {
     }
 
     #[test]
-    fn nodes_with_other_ids_know_each_other() {
+    fn nodes_with_other_ids_have_each_other_as_peers() {
         let world = &World::NOMINAL;
         let mut network = Network::new(250_000, 1);
         let _host = network.attach_host();

@@ -1,7 +1,7 @@
 //! Instruments on a CAN bus: every node with its own part, crystal, supply and memory, one
 //! housing, one bus.
 //!
-//! In: a [`Mover`] that says what the housing feels, and the time up to which to go. Out: the
+//! In: a [`Mover`] that gives what the housing feels, and the time up to which to go. Out: the
 //! bus's events at their exact times, nodes to look into, and ports for whoever else is on the
 //! bus. Events happen in the order of their times, so two runs with the same calls are the same,
 //! bit for bit.

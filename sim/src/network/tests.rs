@@ -353,7 +353,7 @@ fn a_node_finds_the_bit_rate_by_listening_and_disturbs_nobody() {
 #[test]
 fn a_sync_is_not_held_up_by_what_waits_behind_a_flood() {
     let mut site = Site::working(250);
-    // Node 1 makes SYNC; everything else that it says has a higher number than the flood.
+    // Node 1 makes SYNC; everything else that it sends has a higher number than the flood.
     site.run(&mut level(), 600 * MS);
     let flood = Frame::data_frame(0x100, &[0; 8]);
     site.network.bus.babble(site.host, Some(flood));

@@ -110,7 +110,7 @@ pub trait Slave: Debug {
         *self.wire() = Wire::Idle;
     }
 
-    /// Eight clocks: takes a byte in and gives one out, 00h when the part has nothing to say.
+    /// Eight clocks: takes a byte in and gives one out, 00h when the part has nothing to send.
     fn exchange(&mut self, incoming: u8) -> u8 {
         let outgoing = match *self.wire() {
             Wire::Idle => 0,

@@ -238,7 +238,7 @@ impl Master {
         }
     }
 
-    /// Resets both nodes: the way out of a latched fault. Says so again until they boot.
+    /// Resets both nodes: the way out of a latched fault. Sends it again until they boot.
     pub fn reset_all(&mut self, network: &mut Network) {
         self.reset = [Some(0); CHANNELS];
         self.reset_again(network, network.now_ns());

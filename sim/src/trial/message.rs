@@ -165,7 +165,7 @@ mod tests {
     }
 
     #[test]
-    fn a_slope_counts_when_value_and_validity_say_so() {
+    fn a_slope_counts_when_value_and_validity_are_good() {
         let slopes = |bytes: &[u8]| match of(0x182, bytes) {
             Some((1, Message::Slopes(slopes))) => slopes,
             other => panic!("{other:?}"),
@@ -193,7 +193,7 @@ mod tests {
     }
 
     #[test]
-    fn what_others_say_is_no_message() {
+    fn what_others_send_is_no_message() {
         assert_eq!(of(0x183, &[0; 6]), None);
         assert_eq!(of(0x381, &[0; 8]), None);
         assert_eq!(of(0x81, &[0; 7]), None);

@@ -1,13 +1,13 @@
 //! One trial: a calibrated instrument on a bus, on a machine, with things going wrong.
 //!
-//! In: a [`Setup`] that says everything, and instruments from the bench ([`pool::Pool`]). Out: a
+//! In: a [`Setup`] that sets everything, and instruments from the bench ([`pool::Pool`]). Out: a
 //! [`Report`]: which rules were broken ([`checks`]), how soon each fault was told and who was
 //! blamed, and the fingerprint of the bus. The same setup gives the same fingerprint.
 //!
 //! What is judged is what a receiver on the bus sees, beside the truth from the mover; nobody looks
 //! into a device. A trial begins with power on, has its faults one after the other as the setup
-//! says, and after each looks whether the pair is in order again: if not, the master resets both
-//! nodes, as somebody would who has found the cause and removed it.
+//! has them, and after each looks whether the pair is in order again: if not, the master resets
+//! both nodes, as somebody would who has found the cause and removed it.
 //!
 //! Left out: drawing a setup from a seed (`campaign`).
 
@@ -39,7 +39,7 @@ use master::Master;
 use message::Message;
 use pool::Pool;
 pub use setup::Setup;
-use truth::{Slopes, Watched};
+use truth::Watched;
 
 /// Channels of an instrument.
 pub const CHANNELS: usize = 2;
@@ -96,10 +96,10 @@ pub struct Report {
 pub struct Seen<'a> {
     /// The event.
     pub event: &'a Event,
-    /// What it says, and which channel says it.
+    /// What it carries, and which channel sent it.
     pub message: Option<(usize, Message)>,
-    /// The true slopes [`Setup::latency_s`] before the event.
-    pub truth: Option<Slopes>,
+    /// The slopes that the instrument is held to, deg, of [`Setup::latency_s`] before the event.
+    pub truth_deg: Option<[f64; 2]>,
 }
 
 /// Runs a trial; `seen` gets every event of the bus.
@@ -260,7 +260,7 @@ impl<'a> Run<'a> {
             seen(Seen {
                 event,
                 message: told,
-                truth: truth.at(at_s - self.setup.latency_s()),
+                truth_deg: truth.due_deg(at_s - self.setup.latency_s(), self.setup.mode),
             });
         }
         self.events.clear();

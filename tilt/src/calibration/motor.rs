@@ -1,8 +1,8 @@
-//! Calibration against a reference that knows the true direction of gravity (R5).
+//! Calibration against a reference that has the true direction of gravity (R5).
 //!
-//! In: readings of a standing sensor, each with the specific force the reference says it should
-//! feel. Out: the twelve parameters and the harmonics. All twelve are fitted from the two mounts
-//! (roll and pitch runs) together: one run alone leaves the third column of the matrix open,
+//! In: readings of a standing sensor, each with the specific force that it should feel by the
+//! reference. Out: the twelve parameters and the harmonics. All twelve are fitted from the two
+//! mounts (roll and pitch runs) together: one run alone leaves the third column of the matrix open,
 //! which showed as 3.5 deg of error at 5 deg roll in the study this design rests on. The
 //! conditioning is checked, so such a set is refused rather than fitted. [`two_axis`] and
 //! [`one_axis`] make a whole correction from the stands of a motor.

@@ -2,7 +2,7 @@
 //! points.
 //!
 //! In: mean readings of a standing sensor in many poses. Out: nine parameters (three offsets and
-//! a symmetric matrix with six) and the residual of the norm. Gravity's length says nothing of a
+//! a symmetric matrix with six) and the residual of the norm. Gravity's length shows nothing of a
 //! rotation of the whole sensor in its housing, so the three of mounting stay open; two channels
 //! on one board are brought together by [`align`].
 

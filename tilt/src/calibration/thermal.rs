@@ -17,7 +17,7 @@ use crate::temperature::{KNOTS, Piecewise, Quadratic};
 /// A mean reading at one held temperature.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Dwell {
-    /// What the part's thermometer said.
+    /// What the part's thermometer showed.
     pub temperature: Temperature,
     /// Mean acceleration, 2^-26 g nominal per step, part's axes.
     pub accel: [f64; 3],

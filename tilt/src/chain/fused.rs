@@ -1,13 +1,13 @@
 //! The chain's readings where a gyroscope helps: the angle of two instants, and its uncertainty.
 //!
 //! In: samples with a rate of turn. Out: the aligned [`Reading`], which belongs to the instant
-//! that [`Fusion::latency_us`] says, so that two channels can be compared, and the reading of this
+//! that [`Fusion::latency_us`] gives, so that two channels can be compared, and the reading of this
 //! very moment, which lies up to one sample ahead of the last one; and the rate of turn.
 //!
 //! Both lie on the line through the verticals of the last two samples. Ahead of them that line
 //! misses half of what the rate changes by: at 500 deg/s^2 it is 0.002 deg after a sample.
 //!
-//! Left out: instruments of one axis and tables. Neither knows the acceleration on all three axes,
+//! Left out: instruments of one axis and tables. Neither has the acceleration on all three axes,
 //! which the vertical takes, so they go without the gyroscope.
 
 use super::{Calibration, Chain, ChainState, Correction, Estimates, Measurement, Reading};

@@ -253,7 +253,7 @@ fn a_gyroscope_whose_codes_stand_still_takes_the_angle_away_and_gives_it_back() 
 }
 
 #[test]
-fn the_rate_is_that_of_the_last_sample_about_the_housing_s_axes_and_says_why_there_is_none() {
+fn the_rate_is_that_of_the_last_sample_about_the_housing_s_axes_or_why_there_is_none() {
     let mut chain = chain();
     // A gyroscope that shows 1 % too much.
     let scaled = RateCorrection::from_real(&RealRateCorrection {

@@ -253,7 +253,7 @@ fn the_period_is_measured() {
 }
 
 #[test]
-fn one_axis_knows_less_of_its_turn_the_more_it_is_tilted_across() {
+fn the_turn_of_one_axis_is_less_certain_the_more_it_is_tilted_across() {
     let share = |y: f64, z: f64| {
         let accel = [0.0, y, z].map(|g| (g * f64::from(crate::ONE_G)) as i32);
         across(Corrected { accel }).degrees()

@@ -1,7 +1,7 @@
 //! Noise and spikes: the energy above 150 Hz of each channel, against its own level and the
 //! other's.
 //!
-//! In: what each channel says of its energy since the pair before ([`Activity`], which counts in
+//! In: what each channel reports of its energy since the pair before ([`Activity`], which counts in
 //! units of that channel's own noise). Out: the channel that is louder than it should be, and
 //! how. Nothing a machine does reaches above 150 Hz in one channel only, so what both hear
 //! accuses nobody: a shock, a resonance, an engine.
@@ -181,12 +181,12 @@ impl ActivityState {
 }
 
 impl ActivityCheck {
-    /// Takes in what both channels say; who is too loud, and how.
+    /// Takes in what both channels report; who is too loud, and how.
     ///
     /// [`Activity::NONE`] is no look: too few samples since the last one. The two are judged when
     /// both have had a look, because what the one has heard may still be coming from the other;
-    /// what one of them has said meanwhile counts as a single look, or the other's would reach
-    /// further back.
+    /// what one of them has reported meanwhile counts as a single look, or the other's would
+    /// reach further back.
     pub fn step(
         &self,
         state: &mut ActivityState,
@@ -223,7 +223,7 @@ impl ActivityCheck {
     }
 
     /// True while a shock may be going through the machine, or what the filters have left of it;
-    /// between two looks nobody knows.
+    /// between two looks that is not known.
     pub fn is_shaken(&self, state: &ActivityState) -> bool {
         let between_looks = state.elapsed_us > 0;
         between_looks || state.pending || state.quiet_us < self.calm_us
@@ -243,7 +243,7 @@ impl ActivityCheck {
         newest == UNKNOWN || newest > self.quiet && before <= self.quiet
     }
 
-    /// True while what `one` says can be held against it.
+    /// True while what `one` reports can be held against it.
     fn is_clear(&self, one: &ChannelActivity, other: &ChannelActivity) -> bool {
         other.loudest() <= self.quiet && one.loudest() != UNKNOWN
     }
@@ -354,7 +354,7 @@ mod tests {
         assert!(!shaken_after(64, 64));
         assert!(shaken_after(90, 64), "the other may hear it later");
         assert!(!shaken_after(90, 64), "a step of one channel, and no shock");
-        assert!(shaken_after(Activity::GAP.0, 64), "nobody knows");
+        assert!(shaken_after(Activity::GAP.0, 64), "not known");
     }
 
     #[test]

@@ -297,7 +297,7 @@ impl Findings {
     }
 
     /// For how long nothing has shown that this channel measures wrongly, us; `None` where it is
-    /// not held to do so, and no disagreement says that it may.
+    /// not held to do so, and no disagreement shows that it may.
     pub fn own_sound_us(&self) -> Option<u32> {
         let [own, _] = &self.faulty;
         let wrong = own.as_ref().filter(|faulty| faulty.explains());
@@ -311,7 +311,7 @@ impl Findings {
             .is_some_and(|held| held.age_us < ONE_CAUSE_US)
     }
 
-    /// True for what lasts as long as the latch says, the peer's included.
+    /// True for what lasts as long as the latch sets, the peer's included.
     pub fn is_latched(&self) -> bool {
         let latched = |faulty: &Faulty| !faulty.reason.passes_with_its_cause();
         self.disagree() || self.faulty.iter().flatten().any(latched)

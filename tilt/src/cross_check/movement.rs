@@ -164,7 +164,7 @@ pub enum Finding {
 }
 
 impl MovementState {
-    /// There was no pair, or nobody knows what happened to a channel: everything begins anew.
+    /// There was no pair, or what happened to a channel is not known: everything begins anew.
     // Once in the image.
     #[cfg_attr(target_pointer_width = "32", inline(never))]
     pub fn restart(&mut self) {
@@ -251,7 +251,7 @@ impl Block {
 }
 
 impl Movement {
-    /// Takes in a pair `elapsed_us` after the one before; `differ` says that the pair differs.
+    /// Takes in a pair `elapsed_us` after the one before; `differ` means that the pair differs.
     ///
     /// A channel is named only while the pair differs.
     // Out of line: the image is smaller.

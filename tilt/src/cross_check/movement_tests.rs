@@ -43,7 +43,7 @@ impl Machine {
         }
     }
 
-    /// What both channels say next of this force with these offsets, mg.
+    /// What both channels report next of this force with these offsets, mg.
     fn pair(&mut self, force: [f64; 3], own: [f64; 3], peer: [f64; 3]) -> [Observation; 2] {
         self.time_s += self.bench.period_us as f64 * 1e-6;
         let tone = |hz: f64, lag: f64| (core::f64::consts::TAU * hz * self.time_s + lag).sin();
@@ -67,7 +67,7 @@ impl Machine {
         self.bench.step(own, peer)
     }
 
-    /// For so long; the judgements that there were. `at` says force and offset by the time, s.
+    /// For so long; the judgements that there were. `at` gives force and offset by the time, s.
     fn lasts(
         &mut self,
         seconds: f64,
@@ -170,8 +170,8 @@ fn nobody_is_named_of_what_is_not_told() {
     }
 }
 
-/// Ways in which a channel stands still while the machine moves: what it says, of what it would
-/// have said.
+/// Ways in which a channel stands still while the machine moves: what it reports, of what it
+/// would have reported.
 type Frozen = fn(n: u32, held: &mut [i32; 3], now: &mut [i32; 3]);
 
 /// All axes, at once.
@@ -290,7 +290,7 @@ fn a_channel_that_was_away_and_comes_back_elsewhere_is_not_compared_with_its_pas
             }
             let mut machine = Machine::new(13).works(|_| level);
             away(&mut machine, node);
-            // Longer than what is said of a silence stays.
+            // Longer than the report of a silence stays.
             let all = machine.lasts(12.0, node, |_| (level, on(0, 8.0)));
             assert_eq!(
                 all.last(),

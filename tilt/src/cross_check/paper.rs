@@ -5,7 +5,7 @@
 //! 0.40 deg then mean delayed data, anything else a physical fault that needs the supply checked
 //! and a reset (Table I).
 //!
-//! The paper does not say which comparisons decide. One pair when the 45 s are over would take a
+//! The paper does not state which comparisons decide. One pair when the 45 s are over would take a
 //! channel that fails now and then for a late one, and 45 s after the request a machine may still
 //! move. So the 45 s are of standstill, which begins anew while every channel that measures moves.
 //! The arm rings out and late data arrive in the first 15 s of it; after these the differences
@@ -215,7 +215,7 @@ impl PaperState {
 impl PaperCheck {
     /// Judges one pair taken at `now`.
     ///
-    /// The paper knows no missing reading. An axis that one channel measures and the other does
+    /// The paper has no missing reading. An axis that one channel measures and the other does
     /// not counts as a difference above the threshold, because the two do not agree; only a
     /// channel that starts is waited for, [`PATIENCE_US`](super::PATIENCE_US) long.
     pub fn step(

@@ -1,6 +1,6 @@
 //! The product's check: a ladder of tests, the surest first, and a memory of what was found.
 //!
-//! In: what both channels say of one instant ([`Observation`]). Out: a judgement that names the
+//! In: what both channels report of one instant ([`Observation`]). Out: a judgement that names the
 //! faulty channel wherever physics allows it:
 //!
 //! 1. a channel that reports itself faulty and why (set-up, samples, stuck codes, silence);
@@ -126,8 +126,8 @@ impl ProductState {
         self.movement.restart();
     }
 
-    /// There is no pair: nobody knows what happened to a channel meanwhile, so where it stood no
-    /// longer counts.
+    /// There is no pair: what happened to a channel meanwhile is not known, so where it stood
+    /// no longer counts.
     fn interrupt(&mut self) {
         self.activity.skip();
         self.movement.restart();
@@ -161,8 +161,8 @@ impl ProductState {
 }
 
 impl ProductState {
-    /// What a missing angle says against either channel, and the reason that is waited for;
-    /// `measure` is what [`measures`] says.
+    /// What a missing angle shows against either channel, and the reason that is waited for;
+    /// `measure` is what [`measures`] returns.
     fn miss(
         &mut self,
         absent: [Option<Invalid>; 2],

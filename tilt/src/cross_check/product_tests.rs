@@ -274,7 +274,7 @@ fn late_silent_and_stale_channels_are_taken_back_after_a_second() {
 }
 
 #[test]
-fn what_the_peer_says_of_itself_is_held_by_the_peer() {
+fn what_the_peer_reports_of_itself_is_held_by_the_peer() {
     for reason in [Invalid::PartReset, Invalid::Noise, Invalid::Biased] {
         let mut bench = Bench::working();
         let told = level().refused(reason);
@@ -289,7 +289,7 @@ fn what_the_peer_says_of_itself_is_held_by_the_peer() {
 }
 
 #[test]
-fn what_was_found_about_the_peer_here_outlasts_what_it_says() {
+fn what_was_found_about_the_peer_here_outlasts_what_it_reports() {
     let mut bench = Bench::working();
     bench.lasts(level(), loud(120), 0.5);
     let found = faulty(Member::Peer, Invalid::Noise);

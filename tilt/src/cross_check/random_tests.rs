@@ -265,7 +265,7 @@ proptest! {
     fn who_sits_on_the_other_side_judges_alike(
         phases in prop::collection::vec((happens(), happens(), 1..120_u32), 1..15),
     ) {
-        // What a channel says of itself is forgiven by itself, so that is judged without a time.
+        // What a channel reports of itself is forgiven by itself, so that is judged without a time.
         let speaks = |happens| !matches!(happens, Happens::Absent(_));
         let forgives = phases.iter().all(|(own, peer, _)| speaks(*own) && speaks(*peer));
         let bench = || if forgives { Bench::that_forgives(2) } else { Bench::new() };

@@ -131,7 +131,7 @@ impl RateState {
         *self = Self::fresh();
     }
 
-    /// Nobody knows how far either has turned since the pair before.
+    /// How far either has turned since the pair before is not known.
     fn interrupt(&mut self) {
         self.skip();
         self.before = None;
@@ -151,7 +151,7 @@ pub struct Found {
 }
 
 impl RateCheck {
-    /// Takes in a pair; `differ` says that the accelerations do, and `shaken` that a shock may be
+    /// Takes in a pair; `differ` means that the accelerations do, and `shaken` that a shock may be
     /// going through the machine.
     #[cfg_attr(target_pointer_width = "32", inline(never))]
     pub fn step(

@@ -31,7 +31,7 @@ pub struct Stage {
     pub tau_us: u32,
     /// Differences above this are faults.
     pub calm: u32,
-    /// The same while a shock goes through the machine, or nobody knows whether one does.
+    /// The same while a shock goes through the machine, or it is not known whether one does.
     pub shaken: u32,
 }
 
@@ -128,7 +128,7 @@ impl Residual {
     /// Takes in a pair `elapsed_us` after the one before; true when a threshold is exceeded.
     ///
     /// `uncertainty` is the combined standard uncertainty of the pair, 2^-26 g per step; `shaken`
-    /// says that a shock may be going through the machine.
+    /// means that a shock may be going through the machine.
     pub fn step(
         &self,
         state: &mut ResidualState,

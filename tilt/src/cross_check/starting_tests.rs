@@ -77,7 +77,7 @@ fn what_has_gone_counts_as_gone_while_either_starts() {
         lasts(&mut differ, [following(along([60.0, 0.0, G])), sound], 0.6);
         assert_eq!(differ.last, Judgement::Disagree);
         assert_eq!(lasts(&mut differ, [own, peer], 3.0), WAITS);
-        // It says nothing of the angles: neither may go on alone.
+        // It shows nothing of the angles: neither may go on alone.
         let CrossCheck::Product(_, state, _) = &differ.check else {
             panic!("the product's check");
         };

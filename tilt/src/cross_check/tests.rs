@@ -100,7 +100,7 @@ fn r13_the_window_slides_with_the_warnings() {
 /// The instant of the last of 111 warnings from 0 on.
 const STOPPED_S: f64 = 110.0 * 0.02;
 
-/// 50 pairs a second behind the stop of 111 warnings, `pair` says which; the first judgement that
+/// 50 pairs a second behind the stop of 111 warnings, `pair` gives which; the first judgement that
 /// does not ask for the stop, and how long after it, s. `None` within five minutes.
 fn after_stop(pair: impl Fn(f64) -> (u32, u32)) -> Option<(Judgement, f64)> {
     let mut state = PaperState::default();

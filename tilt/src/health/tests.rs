@@ -252,8 +252,8 @@ fn repeats_of_drawn_noise_are_as_frequent_as_computed() {
     }
 }
 
-/// Feeds noise in which `stuck` axes stand still from sample 100 on; says after how many samples
-/// of standing still it was seen.
+/// Feeds noise in which `stuck` axes stand still from sample 100 on; returns after how many
+/// samples of standing still it was seen.
 fn seen_after(health: &Health, noise_mg: f64, stuck: [bool; 3]) -> Option<u32> {
     let mut normal = Normal(11);
     let mut state = HealthState::default();

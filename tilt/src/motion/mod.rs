@@ -282,9 +282,13 @@ impl Motion {
         let [x, y] = observation.tilt();
         state.frame.tilt([x, y]);
         let fall = self.period_q32 as i32;
-        let more = [product(y, fall, 27), -product(x, fall, 27)].map(saturate);
-        state.quiet.corrected(more);
         let errors = observation.errors();
+        // A block of the same rate turns by a corrected bias less: 2^-35 rad/s, 32 samples.
+        let [a, b, c, ..] = *errors;
+        let less = |error: i32| -product(error, fall, 32);
+        let [gained_x, gained_y] = [product(y, fall, 27), -product(x, fall, 27)];
+        let more = [gained_x, gained_y, less(a), less(b), less(c)].map(saturate);
+        state.quiet.corrected(&more);
         state.gyroscope.add(errors, self.most_gain(state.warmed));
         state.velocity = observation.velocity();
     }

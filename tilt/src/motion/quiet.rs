@@ -3,9 +3,10 @@
 //! In: what each block of samples adds up to. Out: whether the machine is at rest, by how much the
 //! stated uncertainty grows, and when the estimator has to begin again.
 //!
-//! At rest the housing hardly turns, the acceleration is what it was before, and beside the
-//! vertical there is no more of it than the vertical's uncertainty explains. After a start that
-//! explains anything; so there rest takes longer, and an acceleration that does not drift.
+//! At rest the housing hardly turns, rate and acceleration are what they were before, and beside
+//! the vertical there is no more acceleration than the vertical's uncertainty explains. After a
+//! start that explains anything; so there rest takes longer, and nothing that drifts. An arm that
+//! sets out slowly is no longer at rest: its rate changes before it is large.
 //!
 //! Where there is more beside it, the machine changes its speed steadily, or the vertical is wrong:
 //! the gyroscope is, or the housing was moved without a rate. Both look alike at first, so the
@@ -29,6 +30,9 @@ const CONTRADICTS: u32 = 2;
 /// more, a bias of the gyroscope that is not known yet would turn the frame too far.
 pub(super) const DRIFT_BLOCKS: u32 = 3;
 
+/// Velocity that a block gained, 2^-30 g s per step, and its turns, 2^-30 rad per step.
+type Moved = [i32; 5];
+
 /// For how long the machine has been quiet.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Quiet {
@@ -40,11 +44,12 @@ pub(super) struct Quiet {
     against: u32,
     /// Mean square of what the last of them had beside the vertical; a variance of tilt.
     beside: i64,
-    /// Velocity that the last block gained, 2^-30 g s per step.
-    gained: [i32; 2],
-    /// The same of a block before, from which the acceleration must not drift: the first one that
-    /// looked like rest, and at rest one of the last [`DRIFT_BLOCKS`].
-    first: [i32; 2],
+    /// The last block. Of it nothing but the velocity is compared, but two of a kind are smaller in
+    /// the image.
+    last: Moved,
+    /// One before, from which neither acceleration nor rate must drift: the first one that looked
+    /// like rest; of the acceleration, at rest one of the last [`DRIFT_BLOCKS`].
+    first: Moved,
 }
 
 impl Quiet {
@@ -53,11 +58,11 @@ impl Quiet {
         self.at_rest
     }
 
-    /// The vertical was corrected, and so a block of the same acceleration gains `more`.
-    pub(super) fn corrected(&mut self, more: [i32; 2]) {
-        for gained in [&mut self.gained, &mut self.first] {
-            for (gained, more) in gained.iter_mut().zip(more) {
-                *gained = gained.saturating_add(more);
+    /// Vertical and bias were corrected: a block of the same acceleration and rate has `more`.
+    pub(super) fn corrected(&mut self, more: &Moved) {
+        for moved in [&mut self.last, &mut self.first] {
+            for (moved, more) in moved.iter_mut().zip(more) {
+                *moved = moved.saturating_add(*more);
             }
         }
     }
@@ -68,8 +73,10 @@ impl Motion {
     /// from there on velocity is that against what is at rest now.
     pub(super) fn look_for_rest(&self, state: &mut MotionState, shown: Shown, gained: [i32; 2]) {
         let slower = |most: u32| shown.turned.iter().all(|t| t.unsigned_abs() < most);
-        let last = core::mem::replace(&mut state.quiet.gained, gained);
-        let steady = self.alike(gained, last);
+        let ([x, y], [turn_x, turn_y, turn_z]) = (gained, shown.turned);
+        let now = [x, y, turn_x, turn_y, turn_z];
+        let steady = self.alike(&now[..2], &state.quiet.last[..2]);
+        state.quiet.last = now;
         let square = mean_square(gained) >> 15;
         let fall = i64::from(self.period_q32 >> 12);
         // Five standard deviations of the tilt, and the noise. Where it starts, more than three
@@ -79,7 +86,7 @@ impl Motion {
             false => 5 * 5,
         };
         let tilt = (deviations * i64::from(state.covariance.tilt()) * fall * fall) >> 20;
-        let noise = (i64::from(self.rest_gain) * i64::from(self.rest_gain)) >> 15;
+        let noise = (i64::from(self.rest_change[0]) * i64::from(self.rest_change[0])) >> 15;
         let level = square < tilt + noise;
         let quiet = &mut state.quiet;
         // A gyroscope that is wrong turns, too; but a cab that slews faster feels it.
@@ -105,14 +112,16 @@ impl Motion {
             return;
         }
         // Where a boom turns back, or sets out, it is slow and steady, too, but its acceleration
-        // drifts. So it must not drift while a doubted vertical waits for rest, nor during a rest.
+        // and its rate drift. So they must not while a doubted vertical waits for rest, nor during
+        // a rest.
         let vague = state.covariance.tilt() > self.doubt;
         let doubted = vague && !quiet.at_rest;
-        let drifts = vague != quiet.at_rest && !self.alike(gained, quiet.first);
+        let drifts = vague != quiet.at_rest && !self.alike(&now, &quiet.first);
         if quiet.rest == 0 || drifts {
-            (quiet.rest, quiet.at_rest, quiet.first) = (0, false, gained);
+            (quiet.rest, quiet.at_rest, quiet.first) = (0, false, now);
         } else if !doubted && quiet.rest.is_multiple_of(DRIFT_BLOCKS) {
-            quiet.first = gained;
+            let [first_x, first_y, ..] = &mut quiet.first;
+            (*first_x, *first_y) = (x, y);
         }
         quiet.rest = quiet.rest.saturating_add(1);
         let enough = match doubted {
@@ -128,11 +137,13 @@ impl Motion {
         }
     }
 
-    /// True for two blocks with the same acceleration.
+    /// True for two blocks with the same acceleration, and the same rate where it is given.
     // Once in the image.
     #[cfg_attr(target_pointer_width = "32", inline(never))]
-    fn alike(&self, [x, y]: [i32; 2], [other_x, other_y]: [i32; 2]) -> bool {
-        x.abs_diff(other_x).max(y.abs_diff(other_y)) < self.rest_gain
+    fn alike(&self, these: &[i32], those: &[i32]) -> bool {
+        let both = these.iter().zip(those).zip(&self.rest_change);
+        let mut changes = both.map(|((this, that), most)| this.abs_diff(*that) < *most);
+        changes.all(|small| small)
     }
 
     /// The variance of tilt that quiet gravity shows beside the vertical; 0 where it does not

@@ -50,7 +50,7 @@ pub(super) struct Reference {
     whole: Vec3,
     quiet: u32,
     at_rest: bool,
-    first: [f64; 2],
+    first: [f64; 5],
     /// Velocity, tilt, bias, gain.
     p: Matrix,
     turn: Vec3,
@@ -94,7 +94,7 @@ impl Reference {
             whole: [0.0; 3],
             quiet: 0,
             at_rest: false,
-            first: [0.0; 2],
+            first: [0.0; 5],
             p,
             turn: [0.0; 3],
             levers: [[0.0; 12]; 2],
@@ -208,21 +208,25 @@ impl Reference {
     fn look_for_rest(&mut self, block_s: f64) {
         let e = self.e;
         let slow = self.whole.iter().all(|w| w.abs() < e.rest_rate * block_s);
-        let alike = |other: [f64; 2]| {
-            let changes = self.gained.iter().zip(other).map(|(g, o)| (g - o).abs());
-            changes.fold(0.0, f64::max) < e.rest_accel * block_s
+        let ([x, y], [turn_x, turn_y, turn_z]) = (self.gained, self.whole);
+        let now = [x, y, turn_x, turn_y, turn_z];
+        let [accel, rate] = [e.rest_accel, e.rest_rate_change].map(|c| c * block_s);
+        let most = [accel, accel, rate, rate, rate];
+        let alike = |other: &[f64]| {
+            let mut both = now.iter().zip(other).zip(most);
+            both.all(|((now, other), most)| (now - other).abs() < most)
         };
-        let steady = alike(self.before);
+        let steady = alike(&self.before);
         let square = self.gained.iter().map(|g| g * g).sum::<f64>() / 2.0;
         let tilt = 25.0 * self.p[2][2].midpoint(self.p[3][3]) * block_s.powi(2);
         let level = square < tilt + (e.rest_accel * block_s).powi(2);
         let tilt = self.p[2][2].midpoint(self.p[3][3]).sqrt();
         let vague = tilt > DOUBT;
         let doubted = vague && !self.at_rest;
-        if self.quiet == 0 || (vague != self.at_rest && !alike(self.first)) {
-            (self.quiet, self.at_rest, self.first) = (0, false, self.gained);
+        if self.quiet == 0 || (vague != self.at_rest && !alike(&self.first)) {
+            (self.quiet, self.at_rest, self.first) = (0, false, now);
         } else if !doubted && self.quiet.is_multiple_of(DRIFT_BLOCKS) {
-            self.first = self.gained;
+            (self.first[0], self.first[1]) = (x, y);
         }
         let at_rest = slow && steady && level;
         self.quiet = if at_rest { self.quiet + 1 } else { 0 };
@@ -246,8 +250,9 @@ impl Reference {
 
     fn correct(&mut self, x: &[f64; N]) {
         let block_s = self.e.period_s * f64::from(BLOCK);
-        let more = [block_s * x[3], -block_s * x[2]];
-        for gained in [&mut self.before, &mut self.first] {
+        let [turn_x, turn_y, turn_z] = [4, 5, 6].map(|i| -block_s * x[i]);
+        let more = [block_s * x[3], -block_s * x[2], turn_x, turn_y, turn_z];
+        for gained in [&mut self.before[..], &mut self.first] {
             gained.iter_mut().zip(more).for_each(|(g, m)| *g += m);
         }
         for (velocity, x) in self.velocity.iter_mut().zip(x) {

@@ -55,7 +55,9 @@ pub struct Expected {
     pub rest_rate: f64,
     /// Change of the acceleration, from one block to the next, below which it may be at rest, g.
     pub rest_accel: f64,
-    /// Time for which both have to last, s.
+    /// Change of the rate about each axis within a rest, rad/s.
+    pub rest_rate_change: f64,
+    /// Time for which all of this has to last, s.
     pub rest_after_s: f64,
     /// Velocity against the ground, or against a steady speed, that it is believed to have at rest,
     /// g s.
@@ -100,6 +102,7 @@ impl Expected {
         most_speed: 1.0,
         rest_rate: 0.03,
         rest_accel: 0.005,
+        rest_rate_change: 0.006,
         rest_after_s: 0.4,
         rest_speed: 0.001,
         gravity: 0.02,
@@ -165,8 +168,9 @@ pub struct Motion {
     pub(super) rest_variance: i32,
     /// The largest turn of a block at rest, 2^-30 rad.
     pub(super) rest_turn: u32,
-    /// The largest change from block to block of the velocity gained, 2^-30 g s.
-    pub(super) rest_gain: u32,
+    /// The largest change from block to block of the velocity gained, 2^-30 g s, and of the turns,
+    /// 2^-30 rad.
+    pub(super) rest_change: [u32; 5],
     /// Blocks at rest until it counts.
     pub(super) rest_blocks: u32,
     /// Squares of an acceleration that is gravity, 2^-52 g^2.
@@ -224,6 +228,8 @@ impl Motion {
             scale: walk(e.gain, ERROR, block_s / e.gain_memory_s),
             gain: walk(e.gain, ERROR, block_s / e.gain_memory_s),
         };
+        let gain = (e.rest_accel * block_s * 1_073_741_824.0) as u32;
+        let change = (e.rest_rate_change * block_s * 1_073_741_824.0) as u32;
         let steps_per_radian = crate::angle::STEPS_PER_DEGREE * (180.0 / core::f64::consts::PI);
         Some(Self {
             period_q32: (e.period_s * 4_294_967_296.0 + 0.5) as u32,
@@ -245,7 +251,7 @@ impl Motion {
             most_speed: square(e.most_speed / VELOCITY),
             rest_variance: variance(e.rest_speed, VELOCITY),
             rest_turn: (e.rest_rate * block_s * 1_073_741_824.0) as u32,
-            rest_gain: (e.rest_accel * block_s * 1_073_741_824.0) as u32,
+            rest_change: [gain, gain, change, change, change],
             rest_blocks: (e.rest_after_s / block_s + 1.0) as u32,
             gravity: length_square(1.0 - e.gravity)..=length_square(1.0 + e.gravity),
             doubt: variance(DOUBT, TILT),
@@ -342,6 +348,7 @@ const fn sound(e: &Expected) -> bool {
         (e.most_speed, 0.001, 1.9),
         (e.rest_rate, 0.0, 1.0),
         (e.rest_accel, 0.0, 1.0),
+        (e.rest_rate_change, 0.0, 1.0),
         (e.rest_after_s, 0.0, 1e3),
         (e.rest_speed, 0.0001, 1.0),
         (e.gravity, 0.0, 0.5),

@@ -1,7 +1,7 @@
 //! `cargo xtask image`: what is flashed, and what an update sends.
 //!
 //! In: the package `firmware`, and whose updates it is to believe (`PLUMB_KEY` and
-//! `PLUMB_UNSIGNED`, see its build script). Out, in `target/images` or where `PLUMB_IMAGES` says:
+//! `PLUMB_UNSIGNED`, see its build script). Out, in `target/images` or where `PLUMB_IMAGES` points:
 //!
 //! | file | is |
 //! |---|---|
@@ -18,7 +18,7 @@
 //!
 //! Left out: signatures.
 
-#[cfg(all(test, unix))]
+#[cfg(unix)]
 mod elsewhere;
 mod hex;
 mod keys;
@@ -57,10 +57,15 @@ const OURS: [&str; 10] = [
     ".hex",
 ];
 
+/// A file of ours, by its name.
+fn is_ours(name: &str) -> bool {
+    OURS.iter().any(|ours| name.ends_with(ours))
+}
+
 /// Why there are no images.
 #[derive(Debug)]
 pub enum ImageError {
-    /// A variable of the environment does not say whose updates are believed.
+    /// A variable of the environment does not state whose updates are believed.
     Keys(String),
     /// A command failed.
     Command(CommandError),
@@ -74,6 +79,9 @@ pub enum ImageError {
     Version(String),
     /// Budgets are exceeded, or there is what must not be.
     Over(Vec<String>),
+    /// These depend on the folder of the checkout.
+    #[cfg(unix)]
+    Differ(Vec<String>),
 }
 
 impl fmt::Display for ImageError {
@@ -86,6 +94,11 @@ impl fmt::Display for ImageError {
             Self::Place(name) => write!(out, "{name} is not linked to its place"),
             Self::Version(version) => write!(out, "version {version} does not fit in a header"),
             Self::Over(budgets) => write!(out, "{}", budgets.join("; ")),
+            #[cfg(unix)]
+            Self::Differ(names) => {
+                let names = names.join(", ");
+                write!(out, "another folder gives other bytes for {names}")
+            }
         }
     }
 }
@@ -112,7 +125,7 @@ impl Outlet {
         for entry in fs::read_dir(&outlet.folder).map_err(failed)? {
             let path = entry.map_err(failed)?.path();
             let name = path.file_name().unwrap_or_default().to_string_lossy();
-            if OURS.iter().any(|ours| name.ends_with(ours)) {
+            if is_ours(&name) {
                 fs::remove_file(&path).map_err(|error| ImageError::File(path, error))?;
             }
         }
@@ -127,9 +140,21 @@ impl Outlet {
 
 /// Builds everything into where it belongs, prints sizes, and fails above a budget.
 pub fn build(workspace: &Workspace) -> Result<(), ImageError> {
+    build_into(workspace, folder(workspace))
+}
+
+/// The same, and the same bytes from another folder, where a home of cargo can be made of links.
+pub fn build_reproducibly(workspace: &Workspace) -> Result<(), ImageError> {
+    build(workspace)?;
+    #[cfg(unix)]
+    elsewhere::compare(workspace, &folder(workspace))?;
+    Ok(())
+}
+
+/// Where images belong.
+fn folder(workspace: &Workspace) -> PathBuf {
     let folder = env::var_os("PLUMB_IMAGES");
-    let folder = folder.map_or_else(|| workspace.target().join("images"), PathBuf::from);
-    build_into(workspace, folder)
+    folder.map_or_else(|| workspace.target().join("images"), PathBuf::from)
 }
 
 /// The same into `folder`.

@@ -95,7 +95,7 @@ impl Image {
             return Ok(());
         };
         let section = elf.section_by_index(index)?;
-        // The lowest bit of a function's address says that it is Thumb code.
+        // The lowest bit of a function's address marks it as Thumb code.
         let start = symbol.address() as u32 & !1;
         let offset = u64::from(start) - section.address();
         let whole = section.data()?;

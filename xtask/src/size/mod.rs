@@ -179,7 +179,7 @@ fn canary(workspace: &Workspace) -> Result<(), SizeError> {
 /// Links and reads a binary that must not panic.
 fn linked(workspace: &Workspace, binary: &str) -> Result<Image, SizeError> {
     if let Err(refused) = command::pass(link(workspace, binary, false)?) {
-        // The linker says that there is a panic; who calls it stands in the binary.
+        // The linker reports that there is a panic; who calls it stands in the binary.
         command::pass(link(workspace, binary, true)?).map_err(|_| refused)?;
         return Err(SizeError::Panics(read(workspace, binary)?.panics()));
     }

@@ -69,7 +69,7 @@ fn largest_frame(image: &Image) -> u64 {
 }
 
 impl Figures {
-    /// From what was linked, by the compiler that says `version` of itself.
+    /// From what was linked, by the compiler that reports `version` of itself.
     pub fn new(version: &str, stack: &Image, instrument: &Image) -> Self {
         let figure = |name, of: fn(&Image) -> u64, budget| Figure {
             name,

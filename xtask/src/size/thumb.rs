@@ -25,7 +25,8 @@ pub enum Effect {
     Call(u32),
     /// Calls a function whose address is in a register.
     CallRegister,
-    /// Goes where only the running program knows: a return by register, or a table of branches.
+    /// Goes to an address that only the running program has: a return by register, or a table of
+    /// branches.
     Leave,
     /// The next so many instructions are conditional.
     Conditional(u32),

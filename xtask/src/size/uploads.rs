@@ -3,7 +3,7 @@
 //! In: the example `sdo_upload` of `device`, which does as many as it is told, under valgrind.
 //! Out: a printed line. It is the example that tests share, with their checks of overflow, so no
 //! step builds for it. Two runs differ in nothing but the number of uploads, so start and end of
-//! the program cancel out. Where there is no valgrind the line says so.
+//! the program cancel out. Where there is no valgrind the line states it.
 //!
 //! Left out: cycles of the part; the instructions are the host's.
 

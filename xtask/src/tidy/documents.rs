@@ -176,7 +176,7 @@ fn paper(tree: &Tree, tests: &BTreeSet<String>) -> Vec<Finding> {
 }
 
 /// Cells: label, what is asked, module, test, figure. A row that waits for something that isn't
-/// built yet says "with `path`" in place of the module; once the path exists it is due.
+/// built yet has "with `path`" in place of the module; once the path exists it is due.
 fn paper_row(tree: &Tree, line: usize, row: &str, tests: &BTreeSet<String>) -> Vec<Finding> {
     let cells = cells(row);
     let &[label, _, module, test, figure] = cells.as_slice() else {

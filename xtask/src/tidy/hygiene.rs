@@ -85,7 +85,7 @@ fn opening(file: &File) -> Vec<Finding> {
     vec![Finding::new(
         &file.path,
         1,
-        "a Rust file opens with `//!` and says what it is for",
+        "a Rust file opens with `//!` and states what it is for",
     )]
 }
 

@@ -1,4 +1,4 @@
-//! Who may depend on whom, and what a manifest may say.
+//! Who may depend on whom, and what a manifest may contain.
 //!
 //! In: the `Cargo.toml` of each crate. Out: a finding for a dependency that the table below
 //! doesn't allow (development dependencies are held to the same table where the crate is ours),
@@ -282,7 +282,7 @@ fn manifest(path: &str, folder: &str, entries: &[Entry]) -> Vec<Finding> {
     findings
 }
 
-/// The crate a line asks for, and whether only for development. Knows `name = ...`,
+/// The crate a line asks for, and whether only for development. Reads `name = ...`,
 /// `name.workspace = true` and a section of its own such as `[dependencies.name]`.
 fn dependency<'a>(entry: &Entry<'a>) -> Option<(&'a str, bool)> {
     let (kind, rest) = entry.section.split_once("dependencies")?;

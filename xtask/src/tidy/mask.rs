@@ -2,7 +2,7 @@
 //!
 //! In: the text of a file. Out: as many characters on as many lines, in which a word or a brace
 //! is surely code. Comments become spaces; what stands inside a string or a character becomes
-//! underscores, so that a line inside a long string still counts as a line. Knows nested block
+//! underscores, so that a line inside a long string still counts as a line. Handles nested block
 //! comments, raw and byte strings, and the difference between `'a'` and `'a`. Tokens inside a
 //! macro call are taken as code.
 

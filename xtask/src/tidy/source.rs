@@ -1,7 +1,7 @@
 //! One Rust file as the rules see it: its code, which lines are tests, its functions.
 //!
 //! In: path and text. Out: positions are byte offsets into the masked text, lines count from 1.
-//! This is a scanner, not a parser: it knows brackets, attributes and items by their keywords,
+//! This is a scanner, not a parser: it finds brackets, attributes and items by their keywords,
 //! which is enough because the tree is formatted by rustfmt and compiles.
 
 use std::collections::BTreeSet;

@@ -83,7 +83,7 @@ const RULES: [Rule; 6] = [
 
 /// Where the same input has to give the same output, run after run.
 fn reproducible(path: &str) -> bool {
-    // The binary of `sim` spreads worlds over threads and says how long they took.
+    // The binary of `sim` spreads worlds over threads and prints how long they took.
     let world = path.starts_with("sim/src/") && !path.starts_with("sim/src/bin/");
     on_the_part(path) || world
 }

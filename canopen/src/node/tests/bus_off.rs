@@ -46,10 +46,10 @@ fn a_boot_up_message_that_bus_off_took_was_never_sent_again() {
         assert_eq!(bench.hands_over(), both);
         bench.goes_off();
     }
-    assert_eq!(bench.says(), [recovered(), spoken(0x705, &[0])]);
+    assert_eq!(bench.sent(), [recovered(), spoken(0x705, &[0])]);
     assert_eq!(bench.node.state(), State::PreOperational);
     bench.goes_off();
-    assert_eq!(bench.says(), [recovered()]);
+    assert_eq!(bench.sent(), [recovered()]);
 }
 
 #[test]
@@ -62,9 +62,9 @@ fn a_boot_up_message_that_bus_off_took_goes_before_the_heartbeat_in_any_state() 
         bench.nmt(command);
         bench.goes_off();
         bench.now = bench.now.after_ms(10);
-        let mut said = bench.says();
-        said.retain(|(id, _)| *id == 0x705);
-        assert_eq!(said, [spoken(0x705, &[0]), spoken(0x705, &[state])]);
+        let mut sent = bench.sent();
+        sent.retain(|(id, _)| *id == 0x705);
+        assert_eq!(sent, [spoken(0x705, &[0]), spoken(0x705, &[state])]);
     }
 }
 
@@ -77,7 +77,7 @@ fn a_boot_up_message_of_before_a_reset_is_not_that_of_the_reset() {
     bench.node.sent(&mut bench.plant, &boot_up, bench.now);
     assert_eq!(bench.hands_over(), [spoken(0x705, &[0])]);
     bench.goes_off();
-    assert_eq!(bench.says(), [recovered(), spoken(0x705, &[0])]);
+    assert_eq!(bench.sent(), [recovered(), spoken(0x705, &[0])]);
 }
 
 #[test]
@@ -87,7 +87,7 @@ fn the_toggle_bit_of_guarding_begins_at_0_when_the_boot_up_message_has_gone_out_
     bench.asked(0x705, 1);
     let boot_up = Frame::data_frame(0x705, &[0]);
     bench.node.sent(&mut bench.plant, &boot_up, bench.now);
-    assert_eq!(bench.says(), [spoken(0x705, &[0x7F])]);
+    assert_eq!(bench.sent(), [spoken(0x705, &[0x7F])]);
 }
 
 #[test]
@@ -99,8 +99,8 @@ fn an_emcy_that_bus_off_took_is_sent_again_and_in_its_order() {
     bench.goes_off();
     assert_eq!(bench.hands_over(), std::slice::from_ref(&told));
     bench.goes_off();
-    assert_eq!(bench.says(), [told, spoken(0x85, &[0; 8]), recovered()]);
-    assert_eq!(bench.says(), []);
+    assert_eq!(bench.sent(), [told, spoken(0x85, &[0; 8]), recovered()]);
+    assert_eq!(bench.sent(), []);
 }
 
 #[test]
@@ -117,7 +117,7 @@ fn a_fault_of_a_long_bus_off_is_told_however_often_the_node_tries_to_come_back()
         bench.goes_off();
     }
     let passive = spoken(0x85, &[0x20, 0x81, 0x11, 0, 0, 0, 0, 0]);
-    assert_eq!(bench.says(), [passive, recovered(), told]);
+    assert_eq!(bench.sent(), [passive, recovered(), told]);
 }
 
 #[test]
@@ -126,17 +126,17 @@ fn answers_that_bus_off_took_are_not_given_to_the_next_request() {
     bench.hears(0x605, &[0x40, 0, 0x10, 0, 0, 0, 0, 0]);
     assert_eq!(bench.hands_over().len(), 1);
     bench.goes_off();
-    assert_eq!(bench.says(), [recovered()]);
+    assert_eq!(bench.sent(), [recovered()]);
     bench.hears(0x7E5, &[4, 1, 0, 0, 0, 0, 0, 0]);
     bench.hears(0x7E5, &[0x5E, 0, 0, 0, 0, 0, 0, 0]);
     assert_eq!(bench.hands_over().len(), 1);
     bench.goes_off();
-    assert_eq!(bench.says(), [recovered()]);
+    assert_eq!(bench.sent(), [recovered()]);
     // Both servers answer what they are asked then.
     assert_eq!(bench.read(0x1000, 0), Ok(0x019A));
     bench.hears(0x7E5, &[0x5E, 0, 0, 0, 0, 0, 0, 0]);
     let answer = [0x5E, ID, 0, 0, 0, 0, 0, 0];
-    assert_eq!(bench.says(), [spoken(0x7E4, &answer)]);
+    assert_eq!(bench.sent(), [spoken(0x7E4, &answer)]);
 }
 
 #[test]
@@ -144,13 +144,13 @@ fn an_event_driven_pdo_that_bus_off_took_was_never_sent_again() {
     let mut bench = Bench::operational();
     bench.write(0x1029, 1, Value::u8(1)).unwrap();
     bench.write(0x1800, 2, Value::u8(254)).unwrap();
-    bench.says();
+    bench.sent();
     bench.write(0x6010, 0, Value::u16(5)).unwrap();
     bench.node.data_changed(&mut bench.plant, bench.now);
     assert_eq!(bench.hands_over(), [spoken(0x185, &[5, 0])]);
     bench.goes_off();
-    assert_eq!(bench.says(), [recovered(), spoken(0x185, &[5, 0])]);
-    assert_eq!(bench.says(), []);
+    assert_eq!(bench.sent(), [recovered(), spoken(0x185, &[5, 0])]);
+    assert_eq!(bench.sent(), []);
 }
 
 #[test]
@@ -160,7 +160,7 @@ fn a_heartbeat_that_bus_off_took_is_the_next_one() {
     bench.now = bench.now.after_ms(10);
     assert_eq!(bench.hands_over(), [spoken(0x705, &[0x7F])]);
     bench.goes_off();
-    assert_eq!(bench.says(), [recovered()]);
+    assert_eq!(bench.sent(), [recovered()]);
     assert_eq!(bench.wait(10), [spoken(0x705, &[0x7F])]);
 }
 
@@ -168,12 +168,12 @@ fn a_heartbeat_that_bus_off_took_is_the_next_one() {
 fn the_toggle_bit_of_guarding_alternates_on_the_bus_over_a_bus_off() {
     let mut bench = Bench::new();
     bench.asked(0x705, 1);
-    assert_eq!(bench.says(), [spoken(0x705, &[0x7F])]);
+    assert_eq!(bench.sent(), [spoken(0x705, &[0x7F])]);
     bench.asked(0x705, 1);
     assert_eq!(bench.hands_over(), [spoken(0x705, &[0xFF])]);
     bench.goes_off();
     bench.asked(0x705, 1);
-    assert_eq!(bench.says(), [recovered(), spoken(0x705, &[0xFF])]);
+    assert_eq!(bench.sent(), [recovered(), spoken(0x705, &[0xFF])]);
 }
 
 #[test]
@@ -192,5 +192,5 @@ fn a_heartbeat_that_went_out_after_1017h_was_0_turned_the_toggle_bit_of_guarding
     bench.node.sent(&mut bench.plant, &frame, bench.now);
     bench.write(0x1017, 0, Value::u16(0)).unwrap();
     bench.asked(0x705, 1);
-    assert_eq!(bench.says(), [spoken(0x705, &[0xFF])]);
+    assert_eq!(bench.sent(), [spoken(0x705, &[0xFF])]);
 }

@@ -27,13 +27,13 @@ fn a_lost_heartbeat_is_told_and_taken_back() {
     let left = Event::State(State::PreOperational);
     assert_eq!(bench.events(), [left, gone]);
     bench.hears(0x709, &[0x7F]);
-    assert_eq!(bench.says(), [emergency(0, 0, 0)]);
+    assert_eq!(bench.sent(), [emergency(0, 0, 0)]);
     assert_eq!(bench.read(0x1001, 0), Ok(0));
     assert_eq!(bench.node.state(), State::PreOperational);
 }
 
 #[test]
-fn error_behaviour_says_what_a_lost_heartbeat_does() {
+fn error_behaviour_sets_what_a_lost_heartbeat_does() {
     let states = [State::PreOperational, State::Operational, State::Stopped];
     for (behaviour, state) in (0..).zip(states) {
         let mut bench = watching();
@@ -70,10 +70,10 @@ fn lost_guarding_is_told_and_taken_back() {
     bench.write(0x100C, 0, Value::u16(50)).unwrap();
     bench.write(0x100D, 0, Value::u8(2)).unwrap();
     bench.asked(0x705, 1);
-    bench.says();
+    bench.sent();
     assert_eq!(bench.wait(100), [emergency(0x8130, 0x11, 0)]);
     bench.asked(0x705, 1);
-    assert_eq!(bench.says(), [emergency(0, 0, 0), spoken(0x705, &[0xFF])]);
+    assert_eq!(bench.sent(), [emergency(0, 0, 0), spoken(0x705, &[0xFF])]);
 }
 
 #[test]
@@ -82,7 +82,7 @@ fn what_happens_in_stopped_is_told_afterwards() {
     bench.nmt(2);
     assert_eq!(bench.wait(150), []);
     bench.nmt(128);
-    assert_eq!(bench.says(), [emergency(0x8130, 0x11, 9)]);
+    assert_eq!(bench.sent(), [emergency(0x8130, 0x11, 9)]);
 }
 
 fn controller(bench: &mut Bench, state: BusState) {
@@ -94,23 +94,23 @@ fn error_passive_is_a_warning() {
     let mut bench = Bench::operational();
     controller(&mut bench, BusState::Passive);
     controller(&mut bench, BusState::Passive);
-    assert_eq!(bench.says(), [emergency(0x8120, 0x11, 0)]);
+    assert_eq!(bench.sent(), [emergency(0x8120, 0x11, 0)]);
     assert_eq!(bench.node.state(), State::Operational);
     controller(&mut bench, BusState::Active);
-    assert_eq!(bench.says(), [emergency(0, 0, 0)]);
+    assert_eq!(bench.sent(), [emergency(0, 0, 0)]);
 }
 
 #[test]
 fn bus_off_leaves_operational_and_its_end_is_told() {
     let mut bench = Bench::operational();
     controller(&mut bench, BusState::Passive);
-    bench.says();
+    bench.sent();
     controller(&mut bench, BusState::Off);
     assert_eq!(bench.node.state(), State::PreOperational);
     assert_eq!(bench.node.communication().emergency.register(), 0x11);
-    assert_eq!(bench.says(), []);
+    assert_eq!(bench.sent(), []);
     controller(&mut bench, BusState::Active);
-    assert_eq!(bench.says(), [emergency(0x8140, 1, 0)]);
+    assert_eq!(bench.sent(), [emergency(0x8140, 1, 0)]);
     assert_eq!(bench.read(0x1001, 0), Ok(0));
 }
 
@@ -120,23 +120,23 @@ fn a_bus_that_comes_back_passive_is_still_an_error() {
     controller(&mut bench, BusState::Off);
     controller(&mut bench, BusState::Passive);
     let both = [emergency(0x8140, 1, 0), emergency(0x8120, 0x11, 0)];
-    assert_eq!(bench.says(), both);
+    assert_eq!(bench.sent(), both);
     // A reset of communication does not mend the bus.
     bench.nmt(130);
-    bench.says();
+    bench.sent();
     assert_eq!(bench.read(0x1001, 0), Ok(0x11));
     controller(&mut bench, BusState::Active);
-    assert_eq!(bench.says(), [emergency(0, 0, 0)]);
+    assert_eq!(bench.sent(), [emergency(0, 0, 0)]);
 }
 
 #[test]
 fn an_rpdo_of_the_wrong_length_is_told() {
     let mut bench = Bench::operational();
     bench.hears(0x205, &[]);
-    assert_eq!(bench.says(), [emergency(0x8210, 1, 1)]);
+    assert_eq!(bench.sent(), [emergency(0x8210, 1, 1)]);
     assert_eq!(bench.read(0x2000, 0), Ok(7));
     bench.hears(0x205, &[8, 9]);
-    assert_eq!(bench.says(), [emergency(0x8220, 1, 1)]);
+    assert_eq!(bench.sent(), [emergency(0x8220, 1, 1)]);
     assert_eq!(bench.read(0x2000, 0), Ok(8));
 }
 
@@ -144,7 +144,7 @@ fn an_rpdo_of_the_wrong_length_is_told() {
 fn a_sync_of_the_wrong_length_is_told_and_not_obeyed() {
     let mut bench = Bench::operational();
     bench.hears(0x80, &[1]);
-    assert_eq!(bench.says(), [emergency(0x8240, 1, 1)]);
+    assert_eq!(bench.sent(), [emergency(0x8240, 1, 1)]);
     assert_eq!(bench.events(), []);
 }
 
@@ -163,7 +163,7 @@ fn errors_of_the_device_have_a_class_and_bits_of_their_own() {
     bench.nmt(1);
     let Bench { node, plant, now } = &mut bench;
     node.report(plant, 0xFF01, 0x80, [7, 0, 0, 0, 0], *now);
-    assert_eq!(bench.says(), [emergency(0xFF01, 0x91, 7)]);
+    assert_eq!(bench.sent(), [emergency(0xFF01, 0x91, 7)]);
     assert_eq!(bench.node.state(), State::Operational);
     bench.write(0x1029, 2, Value::u8(2)).unwrap();
     let Bench { node, plant, now } = &mut bench;
@@ -172,7 +172,7 @@ fn errors_of_the_device_have_a_class_and_bits_of_their_own() {
     bench.nmt(128);
     bench.node.cleared(0, [0; 5]);
     let both = [emergency(0xFF02, 0x91, 0), emergency(0, 0x11, 0)];
-    assert_eq!(bench.says(), both);
+    assert_eq!(bench.sent(), both);
 }
 
 #[test]
@@ -180,17 +180,17 @@ fn frames_that_were_lost_before_the_boot_up_message_were_an_emcy_before_it() {
     let mut bench = Bench::new();
     bench.nmt(130);
     bench.node.overrun(3);
-    assert_eq!(bench.says(), [spoken(0x705, &[0])]);
+    assert_eq!(bench.sent(), [spoken(0x705, &[0])]);
     assert_eq!(bench.node.overruns(), 3, "they count");
     bench.node.overrun(1);
-    assert_eq!(bench.says(), [emergency(0x8110, 1, 1)]);
+    assert_eq!(bench.sent(), [emergency(0x8110, 1, 1)]);
 }
 
 #[test]
 fn sub_0_of_1003_not_clearing() {
     let mut bench = Bench::new();
     bench.node.overrun(3);
-    assert_eq!(bench.says(), [emergency(0x8110, 1, 3)]);
+    assert_eq!(bench.sent(), [emergency(0x8110, 1, 3)]);
     assert_eq!(bench.read(0x1003, 0), Ok(1));
     assert_eq!(bench.write(0x1003, 0, Value::u8(1)), Err(0x0609_0030));
     bench.write(0x1003, 0, Value::u8(0)).unwrap();

@@ -2,7 +2,7 @@
 //!
 //! A master plays whole conversations of every service; on their way frames lose or gain bits,
 //! bytes, identifiers, get lost or come twice, and others come in between. After each frame the
-//! NMT state is a legal successor and what the node says at once is bounded. At the end the run
+//! NMT state is a legal successor and what the node sends at once is bounded. At the end the run
 //! must have been everywhere: a fuzz that never gets past the first byte proves nothing.
 
 use std::cell::Cell;
@@ -438,9 +438,9 @@ impl Torment {
         assert_eq!(after, expected, "{frame:?} in {before:?}");
     }
 
-    /// What the node says now, as [`Bench::says`], into the books.
+    /// What the node sends now, as [`Bench::sent`], into the books.
     fn listen(&mut self) {
-        let frames = self.bench.says();
+        let frames = self.bench.sent();
         let configured = self.id() != u16::from(UNCONFIGURED);
         assert_eq!(self.bench.node.state() == State::Initialising, !configured);
         self.most = self.most.max(frames.len());

@@ -12,7 +12,7 @@ fn what_is_stored_comes_back_at_a_start() {
     bench.write(0x2000, 0, Value::u8(9)).unwrap();
     bench.write(0x1010, 2, Value::u32(SAVE)).unwrap();
     bench.start(ID);
-    bench.says();
+    bench.sent();
     assert_eq!(
         (bench.read(0x1017, 0), bench.read(0x2000, 0)),
         (Ok(100), Ok(7))
@@ -20,7 +20,7 @@ fn what_is_stored_comes_back_at_a_start() {
     bench.write(0x2000, 0, Value::u8(9)).unwrap();
     bench.write(0x1010, 1, Value::u32(SAVE)).unwrap();
     bench.start(ID);
-    bench.says();
+    bench.sent();
     assert_eq!(
         (bench.read(0x1017, 0), bench.read(0x2000, 0)),
         (Ok(100), Ok(9))
@@ -35,7 +35,7 @@ fn defaults_count_from_the_reset_after_a_restore() {
     bench.write(0x1011, 1, Value::u32(LOAD)).unwrap();
     assert_eq!(bench.read(0x1017, 0), Ok(100));
     bench.nmt(130);
-    assert_eq!(bench.says(), [spoken(0x705, &[0])]);
+    assert_eq!(bench.sent(), [spoken(0x705, &[0])]);
     let dictionary = bench.plant.dictionary();
     for row in storage::rows(&dictionary, Group::Communication) {
         let default = dictionary.default(&row, ID).unwrap().unsigned() as u32;
@@ -95,7 +95,7 @@ fn a_change_unverifies_the_configuration() {
     assert_eq!(bench.read(0x1020, 1), Ok(15_000));
     bench.write(0x1010, 1, Value::u32(SAVE)).unwrap();
     bench.start(ID);
-    bench.says();
+    bench.sent();
     assert_eq!(
         (bench.read(0x1020, 1), bench.read(0x1020, 2)),
         (Ok(15_000), Ok(1))
@@ -124,7 +124,7 @@ fn a_stored_pdo_that_no_longer_holds_is_off_and_told() {
     bench.plant.commit_store().unwrap();
     bench.nmt(130);
     let told = spoken(0x85, &[0x00, 0x61, 1, 1, 0, 0, 0, 0]);
-    assert_eq!(bench.says(), [spoken(0x705, &[0]), told]);
+    assert_eq!(bench.sent(), [spoken(0x705, &[0]), told]);
     assert_eq!(
         (bench.read(0x1800, 1), bench.read(0x1A00, 0)),
         (Ok(0x8000_0000), Ok(0))
@@ -164,14 +164,14 @@ fn restore_that_breaks_a_stored_signature() {
     arm(&mut bench);
     bench.write(0x1010, 1, Value::u32(SAVE)).unwrap();
     bench.nmt(130);
-    assert_eq!(bench.says(), [spoken(0x705, &[0])]);
+    assert_eq!(bench.sent(), [spoken(0x705, &[0])]);
     assert_eq!(
         (bench.read(0x13FE, 0), bench.read(0x1301, 2)),
         (Ok(0xA5), Ok(50))
     );
     bench.write(0x1011, 2, Value::u32(LOAD)).unwrap();
     bench.nmt(130);
-    assert_eq!(bench.says(), [spoken(0x705, &[0])]);
+    assert_eq!(bench.sent(), [spoken(0x705, &[0])]);
     assert_eq!(
         (bench.read(0x13FE, 0), bench.read(0x1301, 2)),
         (Ok(0), Ok(25))
@@ -188,6 +188,6 @@ fn pairs_go_out_with_consent_in_operational_only() {
     let pair = [spoken(0x101, &[0x0F, 0]), spoken(0x102, &[0xF0, 0xFF])];
     assert!(bench.wait(30).starts_with(&pair));
     bench.node.consent_to_safety(None);
-    bench.says();
+    bench.sent();
     assert_eq!(bench.wait(100), []);
 }

@@ -122,7 +122,7 @@ impl<const OUT: u16> Site<OUT> {
             now: Instant(1_000_000),
         };
         site.node.start(&mut site.app, ID, site.now);
-        assert_eq!(site.says(), [spoken(0x705, &[0])]);
+        assert_eq!(site.sent(), [spoken(0x705, &[0])]);
         site.app.0.events.clear();
         site
     }
@@ -130,7 +130,7 @@ impl<const OUT: u16> Site<OUT> {
     fn operational() -> Self {
         let mut site = Self::new();
         site.hears(0, &[1, ID]);
-        site.says();
+        site.sent();
         site.app.0.events.clear();
         site
     }
@@ -146,7 +146,7 @@ impl<const OUT: u16> Site<OUT> {
         self.node.receive(&mut self.app, &frame, self.now)
     }
 
-    fn says(&mut self) -> Vec<Spoken> {
+    fn sent(&mut self) -> Vec<Spoken> {
         self.node.poll(&mut self.app, self.now);
         let mut frames = Vec::new();
         while let Some(frame) = self.node.transmit(&mut self.app, self.now) {
@@ -159,14 +159,14 @@ impl<const OUT: u16> Site<OUT> {
 
     fn later(&mut self, ms: u32) -> Vec<Spoken> {
         self.now = self.now.after_ms(ms);
-        self.says()
+        self.sent()
     }
 
     fn sdo(&mut self, request: [u8; 8]) -> Result<u32, u32> {
         self.hears(0x605, &request);
-        let said = self.says();
-        let [(0x585, answer)] = said.as_slice() else {
-            panic!("{said:X?}");
+        let sent = self.sent();
+        let [(0x585, answer)] = sent.as_slice() else {
+            panic!("{sent:X?}");
         };
         outcome(answer.as_slice().try_into().unwrap())
     }
@@ -199,7 +199,7 @@ fn without_safety_neither_objects_nor_frames_of_it_are_known() {
     site.has_not(0x13FE, 0, Value::u8(0xA5));
     site.has_not(0x13FF, 1, Value::u16(0));
     site.hears(0, &[1, ID]);
-    site.says();
+    site.sent();
     assert!(!site.hears(0x001, &[]));
     assert!(!site.hears(0x103, &[1, 0]));
     assert!(site.app.0.events.iter().all(|e| *e != Event::FailSafe));
@@ -228,7 +228,7 @@ fn without_the_consumer_no_heartbeat_is_missed() {
     assert_eq!(site.app.0.events, []);
     // Guarding is another service.
     site.asked(0x705);
-    assert_eq!(site.says(), [spoken(0x705, &[127])]);
+    assert_eq!(site.sent(), [spoken(0x705, &[127])]);
 }
 
 #[test]
@@ -244,7 +244,7 @@ fn without_a_producer_sync_comes_from_others_only() {
     assert_eq!(site.later(100), []);
     site.hears(0, &[1, ID]);
     assert!(site.hears(0x90, &[]));
-    assert_eq!(site.says().len(), 1);
+    assert_eq!(site.sent().len(), 1);
 }
 
 #[test]
@@ -266,7 +266,7 @@ fn without_lss_its_frames_are_ignored() {
     let mut site = Site::<LSS>::new();
     for request in [[0x04, 1, 0, 0, 0, 0, 0, 0], [0x5E, 0, 0, 0, 0, 0, 0, 0]] {
         site.hears(0x7E5, &request);
-        assert_eq!(site.says(), []);
+        assert_eq!(site.sent(), []);
     }
 }
 
@@ -275,9 +275,9 @@ fn without_fastscan_the_rest_of_lss_works() {
     let mut site = Site::<FASTSCAN>::new();
     site.node.start(&mut site.app, UNCONFIGURED, site.now);
     assert!(site.hears(0x7E5, &[0x51, 0, 0, 0, 0, 0x80, 0, 0]));
-    assert_eq!(site.says(), []);
+    assert_eq!(site.sent(), []);
     site.hears(0x7E5, &[0x4C, 0, 0, 0, 0, 0, 0, 0]);
-    assert_eq!(site.says(), [spoken(0x7E4, &[0x50, 0, 0, 0, 0, 0, 0, 0])]);
+    assert_eq!(site.sent(), [spoken(0x7E4, &[0x50, 0, 0, 0, 0, 0, 0, 0])]);
 }
 
 #[test]
@@ -290,7 +290,7 @@ fn without_timers_event_driven_pdos_go_on_events_only() {
     assert_eq!(site.write(0x1800, 3, Value::u16(10)), Err(NO_SUB));
     site.write(0x1800, 2, Value::u8(255)).unwrap();
     site.hears(0, &[1, ID]);
-    assert_eq!(site.says().len(), 1);
+    assert_eq!(site.sent().len(), 1);
     assert_eq!(site.later(10_000), []);
 }
 
@@ -303,9 +303,9 @@ fn without_remote_frames_no_pdo_is_asked_for() {
     );
     site.write(0x1801, 1, Value::u32(3 << 30 | 0x286)).unwrap();
     assert!(!site.asked(0x185));
-    assert_eq!(site.says(), []);
+    assert_eq!(site.sent(), []);
     assert!(site.hears(0x80, &[]));
-    assert_eq!(site.says().len(), 1);
+    assert_eq!(site.sent().len(), 1);
 }
 
 #[test]
@@ -321,7 +321,7 @@ fn a_mapping_that_is_fixed_is_read_only_and_works() {
     assert_eq!(site.read(0x1A00, 1), Ok(0x6010_0010));
     site.hears(0, &[1, ID]);
     assert!(site.hears(0x80, &[]));
-    assert_eq!(site.says(), [spoken(0x185, &[0, 0])]);
+    assert_eq!(site.sent(), [spoken(0x185, &[0, 0])]);
 }
 
 #[test]
@@ -332,7 +332,7 @@ fn without_storage_each_start_begins_with_the_defaults() {
     site.write(0x1017, 0, Value::u16(50)).unwrap();
     site.write(0x6000, 0, Value::u16(100)).unwrap();
     site.node.start(&mut site.app, ID, site.now);
-    site.says();
+    site.sent();
     assert_eq!(
         (site.read(0x1017, 0), site.read(0x6000, 0)),
         (Ok(0), Ok(10))
@@ -350,7 +350,7 @@ fn what_every_device_has_is_left() {
     assert!(site.hears(0x205, &[42]));
     assert_eq!(site.read(0x2000, 0), Ok(42));
     assert!(site.hears(0x80, &[]));
-    assert_eq!(site.says(), [spoken(0x185, &[0, 0])]);
+    assert_eq!(site.sent(), [spoken(0x185, &[0, 0])]);
     site.hears(0, &[129, ID]);
     assert_eq!(site.app.0.events.last(), Some(&Event::ResetNode));
 }

@@ -108,7 +108,7 @@ fn refused_write_changes_nothing() {
 }
 
 #[test]
-fn an_object_without_a_value_says_so() {
+fn an_object_without_a_value_is_answered_with_no_data() {
     Bench::new().talk("c 2F 00 20 00 01\n s 60 00 20 00");
     let mut bench = Bench::default();
     bench.talk("c 40 00 20 00\n s 80 00 20 00 24 00 00 08");

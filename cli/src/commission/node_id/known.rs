@@ -79,7 +79,7 @@ fn write_identifier(node: &mut Node, index: u16, sub: u8, old: u32, new: u32) ->
     node.write(index, sub, &new.to_le_bytes())
 }
 
-/// Writes what a channel has to know of the other one, and saves it; the addresses of the objects.
+/// Writes what a channel has to hold of the other one, and saves it; the addresses of the objects.
 ///
 /// Errors: see [`CommissionError`].
 pub fn tell(node: &mut Node, peer: u8) -> Result<Vec<String>, CommissionError> {
@@ -103,7 +103,7 @@ pub fn tell(node: &mut Node, peer: u8) -> Result<Vec<String>, CommissionError> {
     Ok(told)
 }
 
-/// Whether a channel that was reset holds what it has to know of the other one.
+/// Whether a channel that was reset holds what it has to hold of the other one.
 ///
 /// Errors: [`CommissionError::NotHeld`] where it does not, and those of the bus.
 pub fn check(node: &mut Node, peer: u8) -> Result<(), CommissionError> {

@@ -1,4 +1,4 @@
-//! `plumb node-id`: node-ids by LSS, and what the two channels of an instrument know of each
+//! `plumb node-id`: node-ids by LSS, and what the two channels of an instrument hold of each
 //! other.
 //!
 //! In: a new node-id for one node (`--node`, or the one that has none), or two for the channels A
@@ -14,7 +14,7 @@
 //! delivered do so no longer once they have been saved; those that are still as delivered for the
 //! old node-id are written anew.
 //!
-//! Left out: identifiers of safety frames, which do not follow the node-id; a sentence says so.
+//! Left out: identifiers of safety frames, which do not follow the node-id; a sentence states it.
 
 mod give;
 mod known;
@@ -166,7 +166,7 @@ impl Work<'_> {
         self.answer.say(format!("{sentence}\n"))
     }
 
-    /// One node, and the other channel that knows it.
+    /// One node, and the other channel that refers to it.
     fn single(
         &mut self,
         id: u8,

@@ -278,7 +278,7 @@ fn the_variant_with_a_gyroscope_has_the_product_s_rows_and_its_own() {
 }
 
 #[test]
-fn the_two_tpdos_beyond_the_predefined_set_are_off_and_as_long_as_they_say() {
+fn the_two_tpdos_beyond_the_predefined_set_are_off_and_as_long_as_stated() {
     for (pdo, cob_id, bits) in [(4, 0x201, 64), (5, 0x301, 56)] {
         assert_eq!(
             default(Channel::A, at(0x1800 + pdo, 1)),

@@ -178,7 +178,7 @@ fn a_bus_error_keeps_its_cause_wherever_it_strikes() {
 }
 
 #[test]
-fn an_error_says_which_register_and_what_it_holds() {
+fn an_error_names_the_register_and_what_it_holds() {
     let mismatch = Mismatch {
         register: Register::Ctrl2G,
         expected: 0x64,

@@ -198,7 +198,7 @@ fn filled(rng: &mut Rng, form: &str) -> (u32, Vec<(char, u32)>) {
     (code, taken)
 }
 
-/// Whether the manual says what it does (its "UNPREDICTABLE" left out).
+/// Whether the manual defines what it does (its "UNPREDICTABLE" left out).
 fn is_defined(form: &str, code: u32, taken: &[(char, u32)]) -> bool {
     let register = |letter| {
         taken

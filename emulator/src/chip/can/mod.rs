@@ -95,7 +95,7 @@ struct Fifo {
     overrun: bool,
 }
 
-/// What the bus knows of this controller's errors.
+/// What the bus is given of this controller's errors.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Errors {
     /// Transmit error counter.

@@ -65,7 +65,7 @@ fn the_last_16_are_always_there_newest_first() {
 }
 
 #[test]
-fn without_an_erase_ahead_appending_says_so_and_loses_nothing() {
+fn without_an_erase_ahead_appending_reports_it_and_loses_nothing() {
     let mut nor = bench(4, 1);
     let mut log = mounted(&mut nor);
     assert_eq!(log.append(&mut nor, &entry(0)), Err(LogError::NeedsErase));

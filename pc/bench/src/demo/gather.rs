@@ -151,7 +151,7 @@ fn calibration_rows(results: &Results, kind: Kind) -> [CalibrationRow; 2] {
 }
 
 /// As printed the instrument reports faults without a cause on every day, so that there one after
-/// the cure does not say that the cure failed.
+/// the cure does not show that the cure failed.
 fn outcome(kind: Kind, day: &Day) -> Outcome {
     match day.outcome {
         week::Outcome::None => Outcome::None,

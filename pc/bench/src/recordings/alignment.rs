@@ -52,7 +52,7 @@ pub fn align_robustly(fit: &Fit, other: &Fit, pairs: &[Pair]) -> Result<Aligned,
         .map(|(a, b)| (fit.apply(*a), other.apply(*b)))
         .collect();
     let Some((rotation, median_deg)) = most_agreed(&seen) else {
-        // Too few or too alike: the plain fit says which directions are missing.
+        // Too few or too alike: the plain fit reports which directions are missing.
         let plain = align(fit, other, pairs)?;
         return Ok(all_used(plain, pairs.len()));
     };

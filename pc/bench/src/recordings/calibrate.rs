@@ -1,9 +1,9 @@
 //! From standstills to a calibration: by gravity's length, or by the recording's reference.
 //!
-//! In: [`Segment`]s. Out: [`Fit`], an affine correction in real numbers with the figures that say
-//! how good it is. By poses: nine parameters from |a| = 1 g (`tilt::calibration::poses`), which
-//! leave the mounting open. By reference: a rotation and three offsets, nothing that would bend
-//! the sensor's axes to a reference that may itself be off by degrees.
+//! In: [`Segment`]s. Out: [`Fit`], an affine correction in real numbers with the figures that
+//! show how good it is. By poses: nine parameters from |a| = 1 g (`tilt::calibration::poses`),
+//! which leave the mounting open. By reference: a rotation and three offsets, nothing that would
+//! bend the sensor's axes to a reference that may itself be off by degrees.
 
 use tilt::calibration::least_squares::times;
 use tilt::calibration::{FitError, poses};

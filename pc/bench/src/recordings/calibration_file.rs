@@ -27,7 +27,7 @@ use tilt::vector::Vector;
 use super::error::{FileError, Impossible, Problem};
 use output::write::{self, Existing, Staged};
 
-/// What `format` says.
+/// The value of `format`.
 pub const FORMAT: &str = "plumb-calibration";
 
 /// The version that is written, and the only one that is read.
@@ -385,7 +385,7 @@ fn channels(text: &[u8]) -> Result<Vec<Channel>, Problem> {
     Ok(channels)
 }
 
-/// What the JSON reader says, without what would upset a terminal: it may quote the file.
+/// What the JSON reader reports, without what would upset a terminal: it may quote the file.
 fn malformed(error: serde_json::Error) -> Problem {
     let text = error.to_string();
     let printable = text.chars().filter(|c| !c.is_control());

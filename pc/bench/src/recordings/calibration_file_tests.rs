@@ -57,7 +57,7 @@ fn refused(text: &str) -> Problem {
 }
 
 #[test]
-fn the_crc_is_the_one_it_says() {
+fn the_crc_is_crc_32() {
     let mut crc = flate2::Crc::new();
     crc.update(b"123456789");
     assert_eq!(crc.sum(), 0xcbf4_3926);
@@ -281,7 +281,7 @@ proptest! {
 }
 
 #[test]
-fn numbers_under_the_crc_are_written_as_the_document_says() {
+fn numbers_under_the_crc_are_written_as_documented() {
     let page = include_str!("../../../../docs/calibration-format.md");
     for value in [1.0, 0.1, -0.000012, 1e-6, 1.25e-9, 123_456.5, 1e16] {
         let text = Value::from(value).to_string();

@@ -1,4 +1,4 @@
-//! What the header of a recording says: which column holds what, and in which unit.
+//! What the header of a recording states: which column holds what, and in which unit.
 //!
 //! In: the cells of the header. Out: [`Columns`], the place and unit of each quantity, or the
 //! [`Problem`] with the header. Columns may stand in any order; those that mean nothing here are

@@ -53,10 +53,10 @@ fn of_line(line: Option<u64>) -> String {
 /// file.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Problem {
-    /// Not found, a folder, no permission, a failing disk: what the system says.
+    /// Not found, a folder, no permission, a failing disk: what the system reports.
     #[error("can't be read ({0}); check the path")]
     NotReadable(String),
-    /// It could not be written: what the system says.
+    /// It could not be written: what the system reports.
     #[error("can't be written ({0}); give another path")]
     NotWritable(String),
     /// A file is where the calibration is to be saved.
@@ -281,7 +281,7 @@ pub enum Problem {
     Crc {
         /// Of the channels as they stand.
         computed: u32,
-        /// As the file says.
+        /// As stated in the file.
         stated: String,
     },
     /// Another number of channels than recordings.
@@ -301,12 +301,12 @@ pub enum Problem {
 }
 
 impl Problem {
-    /// What the system says of a file that is read.
+    /// What the system reports of a file that is read.
     pub fn not_readable(error: &io::Error) -> Self {
         Self::NotReadable(plain(error))
     }
 
-    /// What the system says of a file that is written.
+    /// What the system reports of a file that is written.
     pub fn not_writable(error: &io::Error) -> Self {
         match error.kind() {
             io::ErrorKind::AlreadyExists => Self::Taken,

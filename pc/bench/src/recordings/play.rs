@@ -26,7 +26,7 @@ const SILENCE_US: u64 = 10_000_000;
 /// Readings between two words to the progress bar.
 const ADVANCE: u64 = 5000;
 
-/// One recording under its head. The faster of two is held back, as [`tuning::held_back_us`] says.
+/// One recording under its head. The faster of two is held back by [`tuning::held_back_us`].
 struct Tape<'a> {
     chain: &'a Chain,
     rows: &'a [Row],

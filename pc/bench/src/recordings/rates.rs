@@ -194,7 +194,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sensor_that_does_not_turn_says_nothing() {
+    fn a_sensor_that_does_not_turn_shows_nothing() {
         let mut rows = swings(1.0);
         for (turning, n) in rows.iter_mut().zip(0..) {
             turning.accel_g = [0.3 * (0.1 * f64::from(n)).sin(), 0.0, 1.0];

@@ -1,5 +1,5 @@
 //! The figures that real recordings must give. They lie beside the checkout, not in it; where
-//! they are missing each test says so and passes.
+//! they are missing each test prints this and passes.
 
 use std::path::{Path, PathBuf};
 

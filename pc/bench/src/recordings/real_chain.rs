@@ -1,6 +1,6 @@
 //! The figures that real recordings must give at the end of the whole chain: `docs/recordings.md`
 //! quotes what these tests print. The recordings lie beside the checkout, not in it; where they
-//! are missing each test says so and passes.
+//! are missing each test prints this and passes.
 
 use std::path::{Path, PathBuf};
 

@@ -1,6 +1,6 @@
 //! What the moving vertical is worth on recordings of a sensor that was carried by hand (BROAD):
 //! `docs/recordings.md` quotes what these tests print. The recordings lie beside the checkout, not
-//! in it; where they are missing each test says so and passes.
+//! in it; where they are missing each test prints this and passes.
 
 use super::arguments::{Arguments, CalibrateFrom, Mode};
 use super::columns::RateUnit;

@@ -49,7 +49,7 @@ const FULL_SCALE_G: f64 = 16.0;
 /// Rates that are believed, samples per second.
 const RATES_HZ: std::ops::RangeInclusive<f64> = 25.0..=10_000.0;
 
-/// What the caller says beside the file.
+/// What the caller gives beside the file.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Options {
     /// Counts per g of `_lsb` columns; found by the length at standstill when not given.
@@ -67,7 +67,7 @@ pub struct Row {
     pub accel_g: [f64; 3],
     /// Rate of turn about the sensor's axes, rad/s, if recorded.
     pub rate_radps: Option<[f64; 3]>,
-    /// Whether the row counts against the reference; true where the recording does not say.
+    /// Whether the row counts against the reference; true where the recording does not state it.
     pub counts: bool,
     /// Temperature in degC, if recorded.
     pub temperature_c: Option<f64>,

@@ -1,4 +1,4 @@
-//! What a recording's reference columns say of the true attitude.
+//! The true attitude by a recording's reference columns.
 //!
 //! In: a quaternion (body to world) or slopes in degrees. Out: the up vector in the body's frame,
 //! which is what an ideal accelerometer at rest reads in g: (0, 0, 1) when level.

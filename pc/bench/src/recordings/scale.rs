@@ -105,7 +105,7 @@ pub fn standstill_norm(times_us: &[u64], accel: &[[f64; 3]]) -> Option<f64> {
 
 /// Finds the scale and refuses what is not believable.
 ///
-/// `standstill` is the [`standstill_norm`], `lsb_per_g` what the caller says of counts.
+/// `standstill` is the [`standstill_norm`], `lsb_per_g` what the caller gives for counts.
 pub fn scale(unit: AccelUnit, standstill: f64, lsb_per_g: Option<f64>) -> Result<Scale, Problem> {
     let (per_g, source) = match (unit, lsb_per_g) {
         (AccelUnit::G, _) => (1.0, Source::Unit),

@@ -279,7 +279,7 @@ fn span_s(times: &[u64], (from, to): (usize, usize)) -> f64 {
 }
 
 /// Joins neighbours in the same pose that are parted by a knock at most, not by a journey from
-/// which the sensor came back. Runs too short to say where they are don't take part.
+/// which the sensor came back. Runs too short to show where they are don't take part.
 fn merge(runs: Vec<(usize, usize)>, times: &[u64], sums: &Sums, same_deg: f64) -> Vec<Pose> {
     const SHORTEST_RUN_S: f64 = 0.1;
     const LONGEST_KNOCK_S: f64 = 2.0;

@@ -29,7 +29,7 @@ pub enum Reason {
     /// A time ahead of the rows that follow, or far ahead at the end: up to three in a row.
     #[error("timestamp ahead of the others")]
     ForwardJump,
-    /// An axis beyond 16 g, which no sensor of this kind can say.
+    /// An axis beyond 16 g, which no sensor of this kind can report.
     #[error("acceleration beyond 16 g")]
     OverRange,
 }

@@ -104,7 +104,7 @@ mod tests {
     use super::super::recording::Options;
     use super::*;
 
-    /// x climbs by 1 g/s; each time is off by what `jitter` says.
+    /// x climbs by 1 g/s; each time is off by what `jitter` returns.
     fn recording(jitter: impl Fn(u64) -> i64) -> Recording {
         let mut text = "time_us,ax_g,ay_g,az_g\n".to_owned();
         for i in 0..400u64 {

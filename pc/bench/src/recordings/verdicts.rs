@@ -2,7 +2,7 @@
 //!
 //! In: [`Moment`]s in order of time. Out: the comparison and the verdicts of the report. Only
 //! `tilt::cross_check` judges; here its judgements are counted and put into words. One recording
-//! has nobody to compare with: its stretches say whether it measured.
+//! has nobody to compare with: its stretches show whether it measured.
 
 use instant::Instant;
 use tilt::angle::Angle;

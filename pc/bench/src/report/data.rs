@@ -402,7 +402,7 @@ impl DemoReport {
     }
 }
 
-/// The serialised word of an enum, for tables: what `report.json` says, the tables say too.
+/// The serialised word of an enum, for tables: they have the same words as `report.json`.
 pub fn word<T: Serialize>(value: T) -> String {
     match serde_json::to_value(value) {
         Ok(serde_json::Value::String(text)) => text,

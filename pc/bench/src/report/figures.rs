@@ -1,7 +1,7 @@
 //! The paper's figures 14 to 18, 20 and 21 as charts.
 //!
 //! In: a [`DemoReport`]. Out: one group of charts per figure, paper mode beside product mode on
-//! the same vertical scale, with a caption that says what is to be seen. Figures 1 to 13 and 19
+//! the same vertical scale, with a caption that states what is to be seen. Figures 1 to 13 and 19
 //! are drawings and photographs, so they have no counterpart here.
 
 use sim::bench::published::DAYS;
@@ -421,7 +421,7 @@ mod tests {
     }
 
     #[test]
-    fn a_run_without_a_week_says_so() {
+    fn a_run_without_a_week_shows_no_data() {
         let mut report = sample::demo();
         report.week.clear();
         report.figures.delta.clear();

@@ -77,7 +77,7 @@ mod tests {
         }
     }
 
-    /// Writes the two sample pages where PLUMB_SAMPLE_DIR says, to look at them in a browser.
+    /// Writes the two sample pages into the folder PLUMB_SAMPLE_DIR, to look at them in a browser.
     #[test]
     #[ignore = "writes files for a person to look at"]
     fn sample_pages() {

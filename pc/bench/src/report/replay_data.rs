@@ -11,7 +11,7 @@ use super::data::{Axis, Mode};
 use output::series::Bin;
 
 /// Name of the format, the field `format`. A summary of logs of a bus bears it, too, in a layout
-/// of its own; `docs/report-format.md` says how to tell them apart.
+/// of its own; `docs/report-format.md` describes how to tell them apart.
 pub const REPLAY_FORMAT: &str = "plumb-replay";
 /// Version of the format. It rises when a field changes its meaning or goes away.
 pub const REPLAY_VERSION: u32 = 1;
@@ -69,7 +69,7 @@ pub struct Accuracy {
     pub max_deg: Option<f64>,
 }
 
-/// What a channel says of its uncertainty at standstill, and how much it scatters there.
+/// What a channel reports of its uncertainty at standstill, and how much it scatters there.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct StandstillUncertainty {
     /// Readings at standstill.

@@ -137,7 +137,7 @@ pub fn moving(report: &ReplayReport) -> Table {
     .table()
 }
 
-/// What each channel says of its uncertainty at standstill, beside what was seen.
+/// What each channel reports of its uncertainty at standstill, beside what was seen.
 pub fn uncertainty(report: &ReplayReport) -> Table {
     let rows = of_each(report, |channel| {
         let slopes = channel.slopes.iter();
@@ -198,7 +198,7 @@ pub fn cross_check(report: &ReplayReport) -> Table {
     ))
 }
 
-/// Verdicts over time. A long list is cut, and says so.
+/// Verdicts over time. A long list is cut, with a note of it.
 pub fn verdicts(report: &ReplayReport) -> Table {
     /// More lines than this are not read by anybody; the JSON holds them all.
     const SHOWN: usize = 40;
@@ -248,7 +248,7 @@ mod tests {
     }
 
     #[test]
-    fn a_long_list_of_verdicts_is_cut_and_says_so() {
+    fn a_long_list_of_verdicts_is_cut_with_a_note() {
         let mut report = sample::replay();
         report.verdicts = vec![report.verdicts[0].clone(); 45];
         let table = verdicts(&report);

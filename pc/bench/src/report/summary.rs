@@ -170,8 +170,8 @@ fn faults(report: &DemoReport, mode: Mode, which: impl Fn(u32) -> bool) -> Strin
     days.iter().map(|row| row.faults).sum::<u64>().to_string()
 }
 
-/// The verdict in one sentence. A run that is too short for some lines of the specification says
-/// so.
+/// The verdict in one sentence, which states it where a run is too short for some lines of the
+/// specification.
 pub fn verdict(report: &DemoReport) -> &'static str {
     let whole = report.units >= FEWEST_FOR_MEDIANS && report.days >= FAULT_DAY;
     match (report.within_specification, whole) {

@@ -39,7 +39,7 @@ pub fn mode_name(mode: Mode) -> &'static str {
     }
 }
 
-/// With fewer units than this a median says little, and a single unit's RMSE is not specified.
+/// With fewer units than this a median means little, and a single unit's RMSE is not specified.
 pub const FEWEST_FOR_MEDIANS: u32 = 10;
 
 /// The specification with pass or fail per line.
@@ -197,7 +197,7 @@ pub fn table_three(report: &DemoReport) -> Table {
             table.rows.push(cells);
         }
     }
-    // On a lever arm the motion itself is measured, of which the paper says nothing.
+    // On a lever arm the motion itself is measured, on which the paper has nothing.
     let warnings = each_mode(report, |mode| {
         let of = |row: &&DynamicRow| row.mode == mode && row.node == 1 && row.lever_arm_cm == 0;
         let rows = report.dynamic.iter().filter(of);

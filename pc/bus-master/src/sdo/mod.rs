@@ -3,10 +3,10 @@
 //! In: requests for one node. Out: its answers, or why there are none. A question is asked again
 //! when no answer comes, the last time behind an abort of what another client may have left, and
 //! answers that come late are not taken for those to later questions. A write is never sent again,
-//! since the node may have taken it, unless the caller says that it may come twice; but the request
-//! that begins a transfer of several frames writes nothing, and is sent again. What was lost of a
-//! block is sent again from where the receiver has it. A user who interrupts a write learns whether
-//! the node has taken it, and a transfer of several frames is aborted.
+//! since the node may have taken it, unless the caller states that it may come twice; but the
+//! request that begins a transfer of several frames writes nothing, and is sent again. What was
+//! lost of a block is sent again from where the receiver has it. A user who interrupts a write
+//! learns whether the node has taken it, and a transfer of several frames is aborted.
 //!
 //! Two clients on one node's channel disturb each other. What can be told is told: requests of
 //! somebody else that pass on the bus while an answer is waited for.
@@ -45,7 +45,7 @@ const SILENCE: Duration = Duration::from_millis(200);
 /// The abort code of a transfer that nobody goes on with.
 const TIMED_OUT: u32 = 0x0504_0000;
 
-/// The abort code of a command that a server does not know.
+/// The abort code of a command that a server does not support.
 const INVALID_COMMAND: u32 = 0x0504_0001;
 
 /// Longer contents go in blocks, which take an eighth of the time.
@@ -380,7 +380,7 @@ impl<'a> Client<'a> {
     ) -> Result<[u8; 8], SdoError> {
         match self.answer(patience, at, |bytes| bytes[0] == ABORT || fits(bytes)) {
             Err(SdoError::Silent(..)) => self.out_of_step(at, TIMED_OUT, "an answer is missing"),
-            // The node does not know of this transfer any more: who did that was not this client.
+            // The node does not have this transfer any more: who did that was not this client.
             Err(SdoError::Refused(node, index, sub, code))
                 if At { index, sub } != at || (0x0504_0001..=0x0504_0003).contains(&code) =>
             {

@@ -1,4 +1,4 @@
-//! Conversations with a fake server: what it is asked, what it says, and what the client makes
+//! Conversations with a fake server: what it is asked, what it answers, and what the client makes
 //! of it.
 
 use std::io::{BufRead, BufReader, Write};
@@ -8,7 +8,7 @@ use std::thread::{JoinHandle, spawn};
 use super::*;
 use crate::address::{self, BusAddress};
 
-/// A bus whose other end says to each request what `answers` has for it, as words of
+/// A bus whose other end sends to each request what `answers` has for it, as words of
 /// socketcand; it returns the requests.
 fn bus(answers: &'static [&'static str]) -> (Bus, JoinHandle<Vec<String>>) {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();

@@ -34,7 +34,7 @@ pub enum DecodeError {
         "entries of {0} bytes are neither those of a fault log (20) nor those of a black box (34)"
     )]
     Length(u8),
-    /// Fewer entries or frames are there than the head says.
+    /// Fewer entries or frames are there than the head states.
     #[error("it ends before the last entry that its header announces")]
     Cut,
 }
@@ -262,7 +262,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_neither_says_what_is_wrong() {
+    fn what_is_neither_is_refused_with_the_reason() {
         assert_eq!(either(&[]), Err(DecodeError::Short(0)));
         assert_eq!(either(&[1, 20]), Err(DecodeError::Short(2)));
         assert_eq!(either(&[2, 20, 0, 0]), Err(DecodeError::Version(2)));
@@ -275,7 +275,7 @@ mod tests {
     }
 
     #[test]
-    fn a_later_device_may_say_more() {
+    fn a_later_device_may_send_more() {
         let mut bytes = vec![1, 22, 1, 1];
         bytes.extend([0; 22]);
         assert_eq!(fault_log(&bytes).unwrap().entries.len(), 1);

@@ -97,7 +97,7 @@ pub fn empty() -> PeriodReport {
     }
 }
 
-/// Says what it all comes to, once everything is in.
+/// Adds what it all comes to, once everything is in.
 pub fn conclude(report: &mut PeriodReport) {
     (report.verdict, report.clean) = verdict::of(report);
     let notes = verdict::notes(report);

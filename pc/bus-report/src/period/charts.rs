@@ -342,7 +342,7 @@ pub fn load(report: &PeriodReport, number: usize, bus: &BusReport) -> Chart {
     )
 }
 
-/// The name of channel A in a plot out of a log; in a box nobody knows which channel is which.
+/// The name of channel A in a plot out of a log; in a box it is not known which channel is which.
 pub const CHANNEL_A: &str = "Channel A";
 
 /// As figure 21: both channels around an event, and the difference between them.

@@ -2,8 +2,8 @@
 //!
 //! In: what was collected. Out: plain structs that serde writes; the format has a name
 //! and a version, and each field is described, with its unit, in `docs/period-report.md`. Times
-//! are seconds since 1970 (UTC) or since the log's own time 0, as `clock` says. What is not known
-//! is `null`.
+//! are seconds since 1970 (UTC) or since the log's own time 0, as `clock` states. What is not
+//! known is `null`.
 
 use serde::{Deserialize, Serialize};
 
@@ -232,7 +232,7 @@ pub struct ChannelReport {
     pub heartbeat_lost_s: f64,
     /// Frames of another form than delivered.
     pub malformed: u64,
-    /// What does not fit together in what it says.
+    /// What does not fit together in what it sends.
     pub findings: Vec<FindingReport>,
 }
 

@@ -421,7 +421,7 @@ pub fn bus(bus: &BusReport) -> Table {
         .table()
 }
 
-/// What does not fit together in what the channels say.
+/// What does not fit together in what the channels send.
 pub fn findings(report: &PeriodReport, instrument: &InstrumentReport) -> Table {
     let channels = instrument.channels.iter();
     let all: Vec<_> = channels

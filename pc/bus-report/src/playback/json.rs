@@ -200,7 +200,7 @@ pub struct NodeJson {
     pub highest_temperature_degc: Option<i32>,
     /// How often each state of the pair (2021h) was told.
     pub states: Vec<StateJson>,
-    /// What does not fit together in what it says.
+    /// What does not fit together in what it sends.
     pub findings: Vec<FindingJson>,
     /// How often its heartbeat was lost.
     pub heartbeats_lost: u64,

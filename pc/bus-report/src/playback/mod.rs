@@ -50,10 +50,10 @@ pub struct Asked {
     pub existing: Existing,
 }
 
-/// Reads the logs and tells what they say, or plays them; exit status 0, whatever that is.
+/// Reads the logs and reports what they contain, or plays them; exit status 0, whatever that is.
 ///
-/// Errors: see [`PlaybackError`]. When all is done and told, one that says what of the logs could
-/// not be read.
+/// Errors: see [`PlaybackError`]. When all is done and told, one that states what of the logs
+/// could not be read.
 pub fn run(
     paths: &[PathBuf],
     options: &Options,

@@ -1,7 +1,7 @@
 //! Logs onto a bus, when each frame is due.
 //!
 //! In: logs and the name of a bus. Out: their frames on it, and how many they were and how late
-//! the latest of them was. What the bus says meanwhile is taken in and forgotten, since nobody
+//! the latest of them was. What the bus sends meanwhile is taken in and forgotten, since nobody
 //! else would take it.
 
 use std::io::{self, BufRead as _};

@@ -168,15 +168,15 @@ impl Events {
         let set = u32::from_le_bytes([f0, f1, f2, 0]);
         let of_bus = matches!(told.code, 0x8000..=0x8FFF);
         // The 0000h of a bus error has an empty set although faults of the instrument may stand.
-        let says_nothing = told.bytes == [0; 5] && told.register & !(COMMUNICATION | GENERIC) != 0;
-        let knows_faults = !of_bus && !says_nothing;
+        let no_set = told.bytes == [0; 5] && told.register & !(COMMUNICATION | GENERIC) != 0;
+        let has_set = !of_bus && !no_set;
         let open = self.kept.iter_mut();
         for event in open.filter(|event| event.side == side && event.end == End::Standing) {
             let What::Emergency(code) = event.what else {
                 continue;
             };
             let over = match fault_of(code) {
-                Some(fault) => knows_faults && set >> fault as u8 & 1 == 0,
+                Some(fault) => has_set && set >> fault as u8 & 1 == 0,
                 None => told.code == 0 && told.register & COMMUNICATION == 0,
             };
             if over {

@@ -121,7 +121,7 @@ impl Kind {
     }
 
     /// True for what the instrument is there to notice: all but what is part of the work, and
-    /// what a node says of its memory.
+    /// what a node reports of its memory.
     pub const fn is_fault(self) -> bool {
         matches!(
             self,

@@ -25,7 +25,7 @@ pub trait Chamber {
     /// Errors: see [`DeviceError`].
     fn identity(&mut self) -> Result<String, DeviceError>;
 
-    /// The lowest and the highest set point, degC; `None` where it does not say.
+    /// The lowest and the highest set point, degC; `None` where it does not report them.
     ///
     /// Errors: see [`DeviceError`].
     fn range_degc(&mut self) -> Result<Option<[f64; 2]>, DeviceError>;
@@ -165,7 +165,7 @@ mod tests {
     }
 
     #[test]
-    fn it_says_what_its_air_is_like() {
+    fn it_reports_what_its_air_is_like() {
         let mut chamber = chamber(&["0,\"No error\"\n", "-9.98\n", "0\r\n", "-10.0\n", "1\n"]);
         chamber.set(-10.0, &mut || true).unwrap();
         let air = |degc, stable| Air {

@@ -1,7 +1,7 @@
 //! One dwell: when the air has arrived, how long it stays, and when the sensors have followed.
 //!
-//! In, again and again: the time (s, by the nodes' samples), what the chamber says of its air and
-//! what the sensors say of their temperature (degC). Out: the phase that the dwell is in, or why it
+//! In, again and again: the time (s, by the nodes' samples), what the chamber reports of its air
+//! and the sensors of their temperature (degC). Out: the phase that the dwell is in, or why it
 //! comes to nothing. Nothing here waits or asks, so that every case is a test.
 //!
 //! The dwell's clock starts when the air is stable, and anew when it leaves its set point. Behind
@@ -18,7 +18,8 @@ use super::profile::Step;
 /// Air that is said to be stable stands no further from its set point, degC.
 const NEAR_C: f64 = 2.0;
 
-/// How long it may say so with air further off, s: it may not have taken the new set point up yet.
+/// How long air further off may be reported as stable, s: the chamber may not have taken the new
+/// set point up yet.
 const ELSEWHERE_S: f64 = 300.0;
 
 /// Air that goes further past its set point, or away from it, has overshot, degC.
@@ -314,14 +315,14 @@ mod tests {
     }
 
     #[test]
-    fn a_chamber_that_says_stable_elsewhere_is_not_believed() {
+    fn a_chamber_that_reports_stable_elsewhere_is_not_believed() {
         let lies = Air {
             degc: Some(45.0),
             stable: true,
         };
         let told = run(10, |_| (lies, vec![45.0])).unwrap_err();
         assert_eq!(told, HoldError::Elsewhere(50.0, 45.0));
-        // One that has not taken its new set point up yet says so for a while.
+        // One that has not taken its new set point up yet reports stable for a while.
         let slow = |m: f64| Air {
             degc: Some(if m < 3.0 { 40.0 } else { 50.0 }),
             stable: true,

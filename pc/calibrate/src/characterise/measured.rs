@@ -206,7 +206,7 @@ impl Measured {
         put(&path, &sealed(&text, ""), Existing::Replace)
     }
 
-    /// The run in a folder, to go on from with what `begun` says.
+    /// The run in a folder, to go on from with what `begun` holds.
     ///
     /// Errors: [`CalibrateError::NoRun`], [`CalibrateError::File`],
     /// [`CalibrateError::Newer`], [`CalibrateError::Damaged`],
@@ -237,7 +237,7 @@ impl Measured {
         }
     }
 
-    /// Whether the file says what a run writes: its dwells are the first of the profile, each with
+    /// Whether the file holds what a run writes: its dwells are the first of the profile, each with
     /// finite readings of every channel in every orientation, and of every turn.
     fn is_sound(&self) -> bool {
         let places: Vec<_> = self.begun.profile.places().collect();

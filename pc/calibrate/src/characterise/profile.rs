@@ -72,7 +72,7 @@ pub struct Profile {
 /// Why a profile is none.
 #[derive(Debug, thiserror::Error)]
 pub enum ProfileError {
-    /// A line of it is no dwell: its number, and what it says.
+    /// A line of it is no dwell: its number and its text.
     #[error("{0} line {1}: {2:?} is no dwell: write degC and minutes, as 25 10, or runs 2")]
     Line(PathBuf, usize, String),
     /// There are no dwells, or too many.

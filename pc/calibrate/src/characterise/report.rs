@@ -144,8 +144,8 @@ fn middle(span: Span) -> Temperature {
 }
 
 /// What the model leaves over the run, rms, mg; `None` where one branch only was met. Points that
-/// each have a reading of their own, as those of eq 6, leave nothing by construction, and that says
-/// nothing of the hysteresis.
+/// each have a reading of their own, as those of eq 6, leave nothing by construction, and that
+/// shows nothing of the hysteresis.
 fn left_mg(measured: &Measured, mean_readings: &[MeanReading], fitted: &Fitted) -> Option<f64> {
     let residuals_mg = &fitted.residuals_mg;
     let both = hysteresis(&measured.begun.profile, mean_readings, residuals_mg);

@@ -18,7 +18,7 @@ pub enum EdsError {
     /// The file describes no object.
     #[error("{a} describes no object; give an EDS or DCF (CiA 306)", a = printable(.0))]
     NoObject(String),
-    /// Neither the file nor the command line says which node it is.
+    /// Neither the file nor the command line states which node it is.
     #[error(
         "{a} does not name its node; write --eds {b}@NODE",
         a = printable(.0),

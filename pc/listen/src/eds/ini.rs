@@ -4,7 +4,7 @@
 //! ended by CR, LF or both. Out: one [`Line`] after the other. Blank lines and comments (`;`, and
 //! `#` and `//`, which some tools write) are passed over.
 
-/// A line that says something.
+/// A line that is neither blank nor a comment.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Line {
     /// `[1018sub1]`, without the brackets and in small letters.

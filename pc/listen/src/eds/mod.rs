@@ -60,7 +60,7 @@ impl std::str::FromStr for Request {
 impl Request {
     /// Reads the file.
     ///
-    /// Errors: it can't be read, is no sheet, or nobody says which node it is.
+    /// Errors: it can't be read, is no sheet, or nothing states which node it is.
     pub fn read(&self) -> Result<Device, EdsError> {
         let name = self.path.display().to_string();
         let sheet = read(&self.path)?;

@@ -1,7 +1,7 @@
 //! What a node sends, by its data sheet.
 //!
 //! In: a [`Sheet`] and a node-id. Out: [`Device`]: its PDOs with the signals in them, and what
-//! `watch` needs to know of an instrument.
+//! `watch` needs of an instrument.
 
 use super::sheet::{Oddity, Sheet, Warning};
 use crate::{NodePlan, PdoPlan, What};
@@ -71,7 +71,7 @@ impl Signal {
 }
 
 impl Device {
-    /// What the sheet says of the node with this id.
+    /// What the sheet has of the node with this id.
     pub fn new(file: String, node_id: u8, sheet: &Sheet) -> Self {
         // What is odd about the PDOs is noted behind what was odd about the file.
         let mut notes = sheet.clone();
@@ -133,7 +133,7 @@ fn pdo(sheet: &Sheet, node_id: u8, number: u16, notes: &mut Sheet) -> Option<Pdo
         }
     };
     // Bit 31: the PDO is off. The two for a gyroscope are delivered so, and are switched on by a
-    // master, mostly without a file that says so.
+    // master, mostly without a file that states this.
     if cob_id & 1 << 31 != 0 && !is_of_gyroscope(sheet, node_id, index) {
         return None;
     }

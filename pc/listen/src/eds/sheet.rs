@@ -212,7 +212,7 @@ impl Reading {
             self.warn(line, Oddity::NoSection);
             return;
         }
-        // Comments and the like may say the same twice; nobody reads them.
+        // Comments and the like may have the same key twice; nobody reads them.
         if *section == Section::Other {
             return;
         }

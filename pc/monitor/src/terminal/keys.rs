@@ -39,7 +39,7 @@ impl Keys {
 
     /// The next event, or none in this time.
     ///
-    /// Errors: what the terminal says.
+    /// Errors: what the terminal reports.
     pub fn next(&self, wait: Duration) -> io::Result<Option<Event>> {
         match self.events.recv_timeout(wait) {
             Ok(event) => event.map(Some),

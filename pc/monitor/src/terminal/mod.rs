@@ -29,7 +29,7 @@ const DRAW: Duration = Duration::from_millis(100);
 /// A screen on which nothing happens is drawn so often: ages go on.
 const DRAW_ANYWAY: Duration = Duration::from_secs(1);
 
-/// What the view has to know besides.
+/// What the view needs besides.
 #[derive(Clone, Debug, Default)]
 pub struct Options {
     /// When it ends by itself.
@@ -42,7 +42,7 @@ pub struct Options {
 ///
 /// A terminal that is closed is an end that the user has asked for.
 ///
-/// Errors: what the terminal says.
+/// Errors: what the terminal reports.
 pub fn run(shared: &Shared, options: &Options) -> io::Result<()> {
     let mut terminal = ratatui::try_init()?;
     let shown = show(&mut terminal, shared, options);
@@ -122,8 +122,8 @@ fn handle(event: &Event, screen: &mut Screen, shared: &Shared) -> Action {
     screen.press(key, instruments)
 }
 
-/// Whether this is what the system says of a terminal that was closed: EIO, which is 5 wherever
-/// there are such terminals, or ENXIO.
+/// Whether this is what the system reports of a terminal that was closed: EIO, which is 5
+/// wherever there are such terminals, or ENXIO.
 pub fn is_gone(error: &io::Error) -> bool {
     cfg!(unix) && matches!(error.raw_os_error(), Some(5 | 6))
 }

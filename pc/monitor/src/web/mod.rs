@@ -78,7 +78,7 @@ pub struct Server {
 impl Server {
     /// Serves a model to who comes to a bound listener.
     ///
-    /// Errors: what the system says.
+    /// Errors: what the system reports.
     pub fn start(listener: std::net::TcpListener, shared: Arc<Shared>) -> io::Result<Self> {
         listener.set_nonblocking(true)?;
         let address = listener.local_addr()?;
@@ -451,7 +451,7 @@ mod tests {
         message(&mut lines);
         drop(server);
         let mut rest = String::new();
-        // Closed or reset: either way the browser knows.
+        // Closed or reset: either way the browser has the end.
         let _ = lines.read_to_string(&mut rest);
     }
 }

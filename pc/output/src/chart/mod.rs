@@ -3,7 +3,7 @@
 //! In: series of plain numbers in the unit that the axis names. Out: a piece of HTML, a `figure`
 //! with title, legend and drawing, which takes its colours from the style sheet of the page and
 //! scales with the width it is given. Values that are not finite, or beyond 1e12, are gaps; a
-//! chart without any value is a sentence that says so. No script and no interaction.
+//! chart without any value is a sentence that states this. No script and no interaction.
 
 mod bars;
 mod data;

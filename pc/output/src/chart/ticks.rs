@@ -76,7 +76,7 @@ impl Range {
     }
 }
 
-/// A tick: where, and what it says.
+/// A tick: where, and its label.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tick {
     /// Value on the axis.

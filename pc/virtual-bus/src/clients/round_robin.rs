@@ -4,7 +4,7 @@
 //! client's in its own order, and one of every client that has some before the second of any. So
 //! a client that floods delays itself, and every other client by one frame at most.
 //!
-//! Left out: how many may wait, which is the caller's to say.
+//! Left out: how many may wait, which the caller sets.
 
 use std::collections::VecDeque;
 

@@ -154,7 +154,7 @@ impl Shared {
         spawn("client reader", move || read(&shared, &reader))
     }
 
-    /// Takes a client away and says why; nothing when it is away already.
+    /// Takes a client away and reports why; nothing when it is away already.
     pub fn leave(&self, client: &Client, why: &str) {
         let mut clients = self.clients();
         let before = clients.len();

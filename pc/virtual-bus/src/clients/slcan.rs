@@ -70,9 +70,9 @@ impl Session {
             Command::Open => self.open(Channel::Open, heard),
             Command::ListenOnly => self.open(Channel::ListenOnly, heard),
             Command::Close => self.close(heard),
-            Command::Version => say(VERSION, heard),
-            Command::SerialNumber => say(SERIAL_NUMBER, heard),
-            Command::Flags if self.is_open() => say(&Flags::default().text(), heard),
+            Command::Version => reply(VERSION, heard),
+            Command::SerialNumber => reply(SERIAL_NUMBER, heard),
+            Command::Flags if self.is_open() => reply(&Flags::default().text(), heard),
             setting if !self.is_open() => self.set(setting),
             _ => Err(Refused),
         }
@@ -126,7 +126,7 @@ impl Session {
     }
 }
 
-fn say(words: &[u8], heard: &mut Heard) -> Result<(), Refused> {
+fn reply(words: &[u8], heard: &mut Heard) -> Result<(), Refused> {
     heard.answer.extend_from_slice(words);
     Ok(())
 }

@@ -38,14 +38,14 @@ impl Peer {
     fn raw(at: SocketAddr) -> Self {
         let mut peer = Self::new(at);
         peer.hears("< hi >");
-        peer.says("< open plumb >");
+        peer.sends("< open plumb >");
         peer.hears("< ok >");
-        peer.says("< rawmode >");
+        peer.sends("< rawmode >");
         peer.hears("< ok >");
         peer
     }
 
-    fn says(&mut self, text: &str) {
+    fn sends(&mut self, text: &str) {
         self.0.write_all(text.as_bytes()).unwrap();
     }
 
@@ -94,10 +94,10 @@ fn a_frame_sent_right_after_rawmode_is_held_back_20_ms() {
     let (mut hub, at) = socketcand();
     let mut peer = Peer::new(at);
     peer.hears("< hi >");
-    peer.says("< open plumb >");
+    peer.sends("< open plumb >");
     peer.hears("< ok >");
     let asked = Instant::now();
-    peer.says("< rawmode >");
+    peer.sends("< rawmode >");
     while hub.clients() == 0 {
         hub.wait(Duration::from_micros(100), any);
     }
@@ -116,7 +116,7 @@ fn frames_reach_the_bus_and_all_clients_but_the_sender() {
     let mut one = Peer::raw(at);
     let mut other = Peer::raw(at);
     assert_eq!(hub.clients(), 2);
-    one.says("< send 080 0  >");
+    one.sends("< send 080 0  >");
     assert!(hub.wait(SOON, any));
     let incoming = hub.receive(any).unwrap();
     assert_eq!(incoming.frame, Frame::data_frame(0x80, &[]));
@@ -130,7 +130,7 @@ fn frames_reach_the_bus_and_all_clients_but_the_sender() {
 fn garbage_is_answered_and_the_connection_closed() {
     let (mut hub, at) = socketcand();
     let mut peer = Peer::raw(at);
-    peer.says(&"< what >".repeat(20));
+    peer.sends(&"< what >".repeat(20));
     let said = peer.hears_the_end();
     assert_eq!(said.matches("< error what is not offered").count(), 8);
     assert!(notice(&mut hub, "dropped").contains("8 faults in a row"));
@@ -141,7 +141,7 @@ fn garbage_is_answered_and_the_connection_closed() {
 fn an_endless_command_is_answered_and_the_connection_closed() {
     let (mut hub, at) = socketcand();
     let mut peer = Peer::raw(at);
-    peer.says(&format!("< {}", "a".repeat(100_000)));
+    peer.sends(&format!("< {}", "a".repeat(100_000)));
     assert_eq!(
         peer.hears_the_end(),
         "< error a command is longer than 96 bytes >"
@@ -182,7 +182,7 @@ fn a_client_that_sends_too_fast_is_slowed_down() {
     let mut peer = Peer::raw(at);
     let sender = std::thread::spawn(move || {
         for _ in 0..200 {
-            peer.says(&"< send 181 8 1 2 3 4 5 6 7 8 >".repeat(500));
+            peer.sends(&"< send 181 8 1 2 3 4 5 6 7 8 >".repeat(500));
         }
         peer
     });
@@ -231,7 +231,7 @@ fn clients_that_never_opened_the_bus_shut_everybody_out_for_good() {
     let mut hub = Hub::with_time_limit(Duration::from_millis(300));
     let at = hub.listen_socketcand(here(), "plumb").unwrap();
     let slcan_at = hub.listen_slcan(here()).unwrap();
-    // Some say nothing, some the wrong things all the time.
+    // Some send nothing, some the wrong things all the time.
     let mut silent: Vec<Peer> = (0..CLIENTS_LIMIT / 2).map(|_| Peer::new(at)).collect();
     let mut talking: Vec<Peer> = (silent.len()..CLIENTS_LIMIT)
         .map(|_| Peer::new(slcan_at))
@@ -239,7 +239,7 @@ fn clients_that_never_opened_the_bus_shut_everybody_out_for_good() {
     notice(&mut hub, "SLCAN");
     let until = Instant::now() + Duration::from_millis(250);
     while Instant::now() < until {
-        talking.iter_mut().for_each(|peer| peer.says("V\r"));
+        talking.iter_mut().for_each(|peer| peer.sends("V\r"));
         std::thread::sleep(Duration::from_millis(20));
     }
     let said = silent.remove(0).hears_the_end();
@@ -262,10 +262,10 @@ fn an_adapter_that_is_closed_again_may_stay_as_long_as_a_new_one() {
     let mut hub = Hub::with_time_limit(Duration::from_millis(200));
     let at = hub.listen_slcan(here()).unwrap();
     let mut peer = Peer::new(at);
-    peer.says("O\r");
+    peer.sends("O\r");
     peer.hears("\r");
     std::thread::sleep(Duration::from_millis(300));
-    peer.says("C\rV\r");
+    peer.sends("C\rV\r");
     peer.hears("\rV0100\r");
     let closed = Instant::now();
     assert_eq!(peer.hears_the_end(), "");
@@ -279,7 +279,7 @@ fn beside_a_client_that_floods_another_waited_for_all_of_its_frames() {
     let mut guest = Peer::raw(at);
     let flood = std::thread::spawn(move || {
         for _ in 0..20 {
-            flooder.says(&"< send 7ff 8 1 2 3 4 5 6 7 8 >".repeat(500));
+            flooder.sends(&"< send 7ff 8 1 2 3 4 5 6 7 8 >".repeat(500));
         }
         flooder
     });
@@ -287,7 +287,7 @@ fn beside_a_client_that_floods_another_waited_for_all_of_its_frames() {
     let flooding = hub.receive(any).unwrap().client;
     // The flood has filled its own queue and stands.
     std::thread::sleep(Duration::from_millis(200));
-    guest.says("< send 601 0  >");
+    guest.sends("< send 601 0  >");
     assert!(hub.wait(SOON, |client| client != flooding));
     let next = [(); 2].map(|()| hub.receive(any).unwrap().frame.cob_id());
     assert!(next.contains(&Some(0x601)), "{next:X?}");
@@ -351,9 +351,9 @@ fn slcan_over_tcp_asks_for_a_node_guard() {
     let mut hub = Hub::new();
     let at = hub.listen_slcan(here()).unwrap();
     let mut peer = Peer::new(at);
-    peer.says("C\rS8\rO\r");
+    peer.sends("C\rS8\rO\r");
     peer.hears("\x07\r\r");
-    peer.says("r7011\r");
+    peer.sends("r7011\r");
     peer.hears("z\r");
     assert!(hub.wait(SOON, any));
     let incoming = hub.receive(any).unwrap();
@@ -363,7 +363,7 @@ fn slcan_over_tcp_asks_for_a_node_guard() {
     peer.hears("t701105\r");
     hub.send(&incoming.frame, 0, None);
     peer.hears("r7011\r");
-    peer.says("C\r");
+    peer.sends("C\r");
     peer.hears("\r");
     assert_eq!(hub.clients(), 0);
 }
@@ -374,9 +374,9 @@ fn socketcand_and_slcan_share_a_bus() {
     let slcan_at = hub.listen_slcan(here()).unwrap();
     let mut text = Peer::raw(at);
     let mut line = Peer::new(slcan_at);
-    line.says("O\r");
+    line.sends("O\r");
     line.hears("\r");
-    line.says("T00000181 0\rT000001811FF\r");
+    line.sends("T00000181 0\rT000001811FF\r");
     line.hears("\x07Z\r");
     assert!(hub.wait(SOON, any));
     let incoming = hub.receive(any).unwrap();

@@ -13,7 +13,7 @@ use super::line_server::{LineServer, Manner, Request};
 use crate::error::ServeError;
 use crate::world::stage::Stage;
 
-/// A device says nothing unasked; no word of one is longer.
+/// A device sends nothing unasked; no word of one is longer.
 const MANNER: Manner = Manner {
     greeting: "",
     longest: 256,
@@ -25,7 +25,7 @@ const ERRORS_LIMIT: usize = 10;
 /// What a line comes to.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Answer {
-    /// Nothing to say.
+    /// No answer.
     Nothing,
     /// This line.
     Line(String),

@@ -99,7 +99,7 @@ fn converse(mut stream: TcpStream, manner: Manner, requests: &Sender<Request>) -
     write_line(&mut stream, manner.greeting)?;
     while let Some(bytes) = read_line(&mut reader, manner.longest)? {
         let is_whole = bytes.ends_with(b"\n");
-        // What is not UTF-8 becomes a word that nobody knows, and is named as such.
+        // What is not UTF-8 becomes an unknown word, and is named as such.
         let line = is_whole.then(|| String::from_utf8_lossy(&bytes).into_owned());
         // A page in a browser can make it send any lines here, but behind one like this.
         if line.as_ref().is_some_and(|line| line.contains(" HTTP/")) {

@@ -1,4 +1,4 @@
-//! The virtual motor: a table with two axes that turns the housing to angles that it knows.
+//! The virtual motor: a table with two axes that turns the housing to known angles.
 //!
 //! In: lines of the words in docs/motor.md. Out: answers, and the housing turned. Where it stands
 //! is what it was told plus its own errors: harmonics, direction and repeatability of
@@ -132,7 +132,7 @@ mod tests {
     }
 
     #[test]
-    fn the_housing_stands_where_the_motor_says_but_for_the_motors_errors() {
+    fn the_housing_stands_where_the_motor_reports_but_for_the_motors_errors() {
         let (mut table, mut stage) = table();
         assert_eq!(table.hear("pos:roll -30.5", &mut stage), Answer::Nothing);
         assert_eq!(table.hear("POS:ROLL?", &mut stage), line("-30.5000"));

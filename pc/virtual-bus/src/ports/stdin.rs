@@ -16,7 +16,7 @@ const LIMIT: usize = 64;
 pub fn listen() -> Result<Receiver<String>, ServeError> {
     let (sender, lines) = sync_channel(LIMIT);
     spawn("typed", move || {
-        // What is not UTF-8 becomes a word that nobody knows, and is named as such.
+        // What is not UTF-8 becomes an unknown word, and is named as such.
         let read = std::io::stdin().lock().split(b'\n');
         for line in read.map_while(Result::ok) {
             let line = String::from_utf8_lossy(&line).into_owned();

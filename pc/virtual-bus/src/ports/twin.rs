@@ -24,7 +24,7 @@ const OPTION: &str = "--twin";
 /// The longest word with all that belongs to it, and a comment behind.
 const LONGEST: u64 = 4096;
 
-/// Told to who connects, so that a client knows what it has reached.
+/// Sent to each client that connects, so that what it has reached is known.
 const MANNER: Manner = Manner {
     greeting: r#"{"format":"plumb-serve-answer","version":1,"accepted":true,"lines":[]}"#,
     longest: LONGEST,
@@ -211,7 +211,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_refused_says_why() {
+    fn what_is_refused_has_a_reason() {
         assert!(refusal("pitch 300").contains("write pitch DEGREES"));
         assert!(refusal("levitate").contains("there is no word \"levitate\""));
         assert!(refusal("fault b stuck").contains("there is no node \"b\""));

@@ -393,7 +393,7 @@ mod tests {
     }
 
     #[test]
-    fn comments_and_empty_lines_say_nothing() {
+    fn comments_and_empty_lines_hold_no_word() {
         for text in ["", "   ", "# pitch 30", "\t# at"] {
             assert_eq!(read(text, 2), Ok(None), "{text:?}");
         }
@@ -427,7 +427,7 @@ mod tests {
     }
 
     #[test]
-    fn a_bit_rate_that_no_node_knows_was_taken() {
+    fn a_bit_rate_that_no_node_has_was_taken() {
         for rate in BIT_RATES {
             assert_eq!(word(&format!("bit-rate {rate}")), Word::BitRate(rate));
             assert!(help().contains(&rate.to_string()), "{rate}");

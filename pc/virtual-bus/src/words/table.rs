@@ -54,7 +54,7 @@ impl<T> Table<T> {
 
     /// Reads a name and all that stands behind it.
     ///
-    /// Errors: [`WordError::Unknown`], and what the row says.
+    /// Errors: [`WordError::Unknown`], and those of the row.
     pub fn read(&self, reader: &mut Reader<'_>) -> Read<T> {
         let name = reader.next().unwrap_or_default();
         let row = self.rows.iter().find(|row| self.name(row) == name);

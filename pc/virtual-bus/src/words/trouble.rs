@@ -35,7 +35,7 @@ pub enum Trouble {
 
 use Trouble::{Node, Part, Sensor};
 
-/// Spikes in a second unless the word says how many.
+/// Spikes in a second unless the word states how many.
 const SPIKES_PER_S: f64 = 1.0;
 
 /// A step that no part can have, and more than full scale of the default range.

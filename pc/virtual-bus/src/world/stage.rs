@@ -28,7 +28,7 @@ pub struct Stage {
     pub one_axis: bool,
     /// The climatic chamber around the housing.
     pub chamber: Chamber,
-    /// So many times as fast as [`sim::chamber`] says air and dies follow: a chamber with more
+    /// So many times as fast as in [`sim::chamber`] air and dies follow: a chamber with more
     /// power around a housing of less thermal mass.
     pub chamber_speed: f64,
     /// What turns the housing.

@@ -37,7 +37,7 @@ fn pair() -> Stage {
     stage
 }
 
-fn says(stage: &mut Stage, text: &str) -> Result<Done, WordError> {
+fn enter(stage: &mut Stage, text: &str) -> Result<Done, WordError> {
     let line = read(text, 2).unwrap().expect("a word");
     stage.obey(&line.word)
 }
@@ -158,7 +158,7 @@ fn beside_a_client_that_floods_another_waited_for_all_of_its_frames() {
 }
 
 #[test]
-fn a_full_queue_says_so_before_it_is_full() {
+fn a_queue_reports_no_room_before_it_is_full() {
     let mut stage = pair();
     let [client, ..] = clients();
     let frame = Frame::data_frame(0x7FF, &[0; 8]);
@@ -180,16 +180,16 @@ fn power_and_wire_off_are_silence_and_on_again_a_boot() {
     ] {
         let mut stage = pair();
         go(&mut stage, 200);
-        says(&mut stage, off).unwrap();
-        says(&mut stage, "reset a").unwrap();
+        enter(&mut stage, off).unwrap();
+        enter(&mut stage, "reset a").unwrap();
         let heard = go(&mut stage, 1500);
         assert_eq!(boots(&heard), [1], "{off}");
         assert!(!ids(&heard).contains(&0x702), "{off}");
-        says(&mut stage, on).unwrap();
+        enter(&mut stage, on).unwrap();
         let heard = go(&mut stage, 1500);
         assert_eq!(boots(&heard), started, "{on}");
         assert!(ids(&heard).contains(&0x702), "{on}");
-        assert_eq!(says(&mut stage, on), Ok(Done::Quietly));
+        assert_eq!(enter(&mut stage, on), Ok(Done::Quietly));
         assert_eq!(boots(&go(&mut stage, 200)), [0; 0], "{on} twice");
     }
 }
@@ -204,13 +204,13 @@ fn what_breaks_is_found_by_its_node_and_not_by_the_other() {
     ] {
         let mut stage = pair();
         go(&mut stage, 500);
-        says(&mut stage, word).unwrap();
+        enter(&mut stage, word).unwrap();
         go(&mut stage, 1000);
         assert!(faults(&stage, 1).contains(&fault), "{word}");
         assert!(!faults(&stage, 0).contains(&fault), "{word}");
         // Healed, a latched fault stays until the reset.
-        says(&mut stage, "heal b").unwrap();
-        says(&mut stage, "reset b").unwrap();
+        enter(&mut stage, "heal b").unwrap();
+        enter(&mut stage, "reset b").unwrap();
         go(&mut stage, 1000);
         assert!(!faults(&stage, 1).contains(&fault), "{word} healed");
     }
@@ -227,7 +227,7 @@ fn a_loose_board_reads_another_slope() {
         })
     };
     let before = rolls(&mut stage);
-    says(&mut stage, "fault b offset 100mg").unwrap();
+    enter(&mut stage, "fault b offset 100mg").unwrap();
     let after = rolls(&mut stage);
     let [a, b] = [0, 1].map(|node| after[node] - before[node]);
     // atan(0.1) is 5.7 deg.
@@ -244,7 +244,7 @@ fn a_short_throws_the_adapter_off_the_bus_and_it_comes_back() {
     let [client, ..] = clients();
     let frame = Frame::data_frame(0x7FE, &[1]);
     stage.offer(Incoming { client, frame });
-    says(&mut stage, "bus short 0.05").unwrap();
+    enter(&mut stage, "bus short 0.05").unwrap();
     assert!(!ids(&go(&mut stage, 50)).contains(&0x7FE));
     // 128 times 11 recessive bits are 5.6 ms.
     assert!(ids(&go(&mut stage, 50)).contains(&0x7FE));
@@ -261,7 +261,7 @@ fn the_adapter_follows_a_bit_rate_set_by_lss() {
         stage.offer(Incoming { client, frame });
         go(&mut stage, 5);
     }
-    says(&mut stage, "bit-rate 500").unwrap();
+    enter(&mut stage, "bit-rate 500").unwrap();
     let heard = ids(&go(&mut stage, 1000));
     assert!(
         heard.contains(&0x701) && heard.contains(&0x702),
@@ -278,13 +278,13 @@ fn the_adapter_follows_a_bit_rate_set_by_lss() {
 fn a_stranger_babbles_until_told_not_to() {
     let mut stage = pair();
     go(&mut stage, 100);
-    says(&mut stage, "babble 001").unwrap();
+    enter(&mut stage, "babble 001").unwrap();
     let heard = ids(&go(&mut stage, 20));
     assert!(
         heard.len() > 20 && heard.iter().all(|id| *id == 1),
         "{heard:x?}"
     );
-    says(&mut stage, "babble off").unwrap();
+    enter(&mut stage, "babble off").unwrap();
     go(&mut stage, 2);
     assert!(!ids(&go(&mut stage, 20)).contains(&1));
 }
@@ -292,7 +292,7 @@ fn a_stranger_babbles_until_told_not_to() {
 #[test]
 fn the_chamber_takes_its_time_unless_told_otherwise() {
     let mut stage = pair();
-    says(&mut stage, "temp -10").unwrap();
+    enter(&mut stage, "temp -10").unwrap();
     go(&mut stage, 3000);
     let (_, [air_c, die_c]) = stage.truth();
     assert!(
@@ -304,11 +304,11 @@ fn the_chamber_takes_its_time_unless_told_otherwise() {
         device.values().process.temperature_c
     };
     let before_c = shown(&stage);
-    says(&mut stage, "temp 60 now").unwrap();
+    enter(&mut stage, "temp 60 now").unwrap();
     go(&mut stage, 1000);
     // No die jumps like this, so the thermometer is not believed before a reset.
     assert!(faults(&stage, 0).contains(&Fault::Thermometer));
-    says(&mut stage, "reset all").unwrap();
+    enter(&mut stage, "reset all").unwrap();
     go(&mut stage, 20_000);
     // The thermometer has an offset, which cancels, and smooths.
     let change = shown(&stage) - before_c;
@@ -318,16 +318,16 @@ fn the_chamber_takes_its_time_unless_told_otherwise() {
 #[test]
 fn words_are_refused_without_a_change() {
     let mut stage = pair();
-    says(&mut stage, "pitch 60").unwrap();
+    enter(&mut stage, "pitch 60").unwrap();
     let impossible = Pose {
         pitch_deg: 60.0,
         roll_deg: 40.0,
     };
     assert_eq!(
-        says(&mut stage, "roll 40"),
+        enter(&mut stage, "roll 40"),
         Err(WordError::Impossible(impossible))
     );
-    assert_eq!(says(&mut stage, "wait 3"), Err(WordError::ScriptOnly));
+    assert_eq!(enter(&mut stage, "wait 3"), Err(WordError::ScriptOnly));
     go(&mut stage, 5000);
     let ([x, y], _) = stage.truth();
     assert!(stage.is_still() && x.abs() < 1e-9 && (y - 60.0).abs() < 1e-9);
@@ -336,10 +336,10 @@ fn words_are_refused_without_a_change() {
 #[test]
 fn the_status_tells_truth_and_nodes() {
     let mut stage = pair();
-    says(&mut stage, "pitch 30").unwrap();
-    says(&mut stage, "power b off").unwrap();
+    enter(&mut stage, "pitch 30").unwrap();
+    enter(&mut stage, "power b off").unwrap();
     go(&mut stage, 4000);
-    let Ok(Done::Told(text)) = says(&mut stage, "status") else {
+    let Ok(Done::Told(text)) = enter(&mut stage, "status") else {
         panic!("status tells");
     };
     assert!(
@@ -357,13 +357,13 @@ fn the_status_tells_truth_and_nodes() {
 fn the_truth_of_an_instrument_with_one_axis_was_folded_at_90_deg() {
     let mut stage = pair();
     stage.one_axis = true;
-    says(&mut stage, "rate 400").unwrap();
-    says(&mut stage, "roll 170").unwrap();
+    enter(&mut stage, "rate 400").unwrap();
+    enter(&mut stage, "roll 170").unwrap();
     go(&mut stage, 3000);
     let ([x, y], _) = stage.truth();
     assert!((x - 170.0).abs() < 1e-6 && y.abs() < 1e-6, "{x} {y}");
-    says(&mut stage, "roll -30").unwrap();
-    says(&mut stage, "pitch 40").unwrap();
+    enter(&mut stage, "roll -30").unwrap();
+    enter(&mut stage, "pitch 40").unwrap();
     go(&mut stage, 3000);
     let ([x, y], _) = stage.truth();
     // x is -0.5 and z sqrt(1 - 0.25 - sin(40 deg)^2).

@@ -75,13 +75,13 @@ impl Site {
         passed
     }
 
-    fn says(&mut self, text: &str) -> Done {
+    fn enter(&mut self, text: &str) -> Done {
         let line = read(text, 2).unwrap().expect("a word");
         self.stage.obey(&line.word).expect("carried out")
     }
 
     fn status(&mut self) -> String {
-        match self.says("status") {
+        match self.enter("status") {
             Done::Told(text) => text,
             other => panic!("{other:?}"),
         }
@@ -130,7 +130,7 @@ const fn faulty(word: &'static str, why: &'static [Invalid], emcy: u16, within_m
     }
 }
 
-/// Node b says nothing of it.
+/// Node b sends no EMCY of it.
 const fn mute(word: &'static str, why: &'static [Invalid], within_ms: u64) -> Case {
     Case {
         emcy: None,
@@ -180,7 +180,7 @@ fn each_fault_is_found_in_its_time_told_on_the_bus_and_gone_once_healed_and_rese
     } in CASES
     {
         let mut site = Site::new();
-        site.says(&format!("fault b {word}"));
+        site.enter(&format!("fault b {word}"));
         let (mut judged, mut told) = (false, emcy.is_none());
         for _ in 0..within_ms / 20 {
             let passed = site.go(20);
@@ -194,10 +194,10 @@ fn each_fault_is_found_in_its_time_told_on_the_bus_and_gone_once_healed_and_rese
         // A supply that was gone for a moment is back.
         let broken = site.status().contains("\n      broken: ");
         assert!(broken || word == "brown-out", "{word}");
-        site.says("heal b");
+        site.enter("heal b");
         assert!(!site.status().contains("broken"), "{word}");
         site.go(200);
-        site.says("reset all");
+        site.enter("reset all");
         site.go(1000);
         site.start();
         site.go(3000);
@@ -208,10 +208,10 @@ fn each_fault_is_found_in_its_time_told_on_the_bus_and_gone_once_healed_and_rese
 #[test]
 fn swapped_axes_are_found_where_they_differ() {
     let mut site = Site::new();
-    site.says("roll 20");
+    site.enter("roll 20");
     site.go(3000);
     assert_eq!(site.states(), [1, 1], "{}", site.status());
-    site.says("fault b swapped");
+    site.enter("fault b swapped");
     site.go(500);
     assert!([6, 8].contains(&site.shown(0).state()), "{}", site.status());
 }
@@ -223,16 +223,16 @@ fn a_node_that_babbles_takes_the_share_of_the_bus_it_was_told() {
         let ids = passed.iter().map(|p| p.frame.cob_id());
         ids.filter(|found| *found == Some(id)).count()
     };
-    site.says("fault b babble 1 0.3");
+    site.enter("fault b babble 1 0.3");
     let passed = site.go(2000);
     let load = site.stage.network.load_percent();
     assert!((30..=50).contains(&load), "{load}");
     assert!(of(&passed, 1) > 1000);
     assert_eq!(site.states(), [1, 1], "{}", site.status());
-    site.says("fault b babble 001");
+    site.enter("fault b babble 001");
     let passed = site.go(200);
     assert!(passed.len() > 500 && of(&passed[10..], 1) == passed.len() - 10);
-    site.says("heal b");
+    site.enter("heal b");
     site.go(20);
     assert_eq!(of(&site.go(200), 1), 0);
 }
@@ -241,15 +241,15 @@ fn a_node_that_babbles_takes_the_share_of_the_bus_it_was_told() {
 fn a_reset_starts_code_that_stood_still_and_heal_does_not_do_so_again() {
     for word in ["reset b", "power b off"] {
         let mut site = Site::new();
-        site.says("fault b halted");
+        site.enter("fault b halted");
         site.go(500);
         assert!(site.status().contains("  b   halted"), "{}", site.status());
-        site.says(word);
-        site.says("power b on");
+        site.enter(word);
+        site.enter("power b on");
         site.go(1000);
         let up_to = site.stage.network.nodes()[1].is_running();
         assert!(up_to && !site.status().contains("halted"), "{word}");
-        site.says("heal b");
+        site.enter("heal b");
         assert!(site.stage.network.nodes()[1].is_running(), "{word}");
     }
 }
@@ -257,9 +257,9 @@ fn a_reset_starts_code_that_stood_still_and_heal_does_not_do_so_again() {
 #[test]
 fn code_without_power_cannot_stand_still() {
     let mut site = Site::new();
-    site.says("power b off");
-    site.says("fault b halted");
-    site.says("power b on");
+    site.enter("power b off");
+    site.enter("fault b halted");
+    site.enter("power b on");
     site.go(1000);
     assert!(!site.status().contains("halted"), "{}", site.status());
 }
@@ -267,7 +267,7 @@ fn code_without_power_cannot_stand_still() {
 #[test]
 fn the_status_tells_what_is_broken_whom_each_node_blames_and_why() {
     let mut site = Site::new();
-    site.says("fault b frozen y");
+    site.enter("fault b frozen y");
     site.go(500);
     let text = site.status();
     for line in [
@@ -278,8 +278,8 @@ fn the_status_tells_what_is_broken_whom_each_node_blames_and_why() {
     ] {
         assert!(text.contains(line), "{line}: {text}");
     }
-    site.says("fault b bias x 10 mg");
-    site.says("fault b sync-lost");
+    site.enter("fault b bias x 10 mg");
+    site.enter("fault b sync-lost");
     let text = site.status();
     assert!(
         text.contains("broken: bias step 10 mg in x; SYNC lost\n"),

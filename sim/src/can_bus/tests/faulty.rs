@@ -1,4 +1,4 @@
-//! Errors on demand: who drops the frame, who gets it twice, and what the counters say.
+//! Errors on demand: who drops the frame, who gets it twice, and what the counters show.
 
 use super::*;
 

@@ -1,7 +1,7 @@
 //! The error model of a gyroscope: every way it may differ from a perfect one, by name.
 //!
 //! In: nothing but constants; each term is a field in the unit of its name, 1 sigma unless its
-//! comment says otherwise, with the tag of its source: `[DS]` the ISM330DHCX's data sheet (DS13012
+//! comment has another, with the tag of its source: `[DS]` the ISM330DHCX's data sheet (DS13012
 //! rev 6, table 2, as `docs/gyroscope-parts.md` has it), `[ASSUME]` engineering assumption to be
 //! replaced by bench data. Setting a field to 0 switches its term off. Out: a [`GyroscopeModel`],
 //! from which [`Gyroscope::draw`] makes one part's personality. A typical figure of the data sheet

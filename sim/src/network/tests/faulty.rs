@@ -69,7 +69,7 @@ fn answers(site: &Site) -> Vec<u64> {
 }
 
 #[test]
-fn a_silent_node_says_nothing_until_it_is_healed() {
+fn a_silent_node_sends_nothing_until_it_is_healed() {
     let mut site = working();
     site.inject(NodeFault::Silent);
     site.sync(50);
@@ -81,7 +81,7 @@ fn a_silent_node_says_nothing_until_it_is_healed() {
 }
 
 #[test]
-fn a_halted_node_says_nothing_but_acknowledges() {
+fn a_halted_node_sends_nothing_but_acknowledges() {
     let mut site = Site::working(250);
     // Alone with the host: nobody else acknowledges.
     site.network.power_off(0);
@@ -96,7 +96,7 @@ fn a_halted_node_says_nothing_but_acknowledges() {
 }
 
 #[test]
-fn late_frames_keep_their_order_and_come_as_late_as_it_says() {
+fn late_frames_keep_their_order_and_come_as_late_as_was_set() {
     for ms in [5, 200] {
         let mut site = working();
         let ids = |site: &Site| -> Vec<u16> {

@@ -2,7 +2,7 @@
 
 use super::*;
 
-/// Outranks what node B has to say but for its EMCY.
+/// Outranks what node B has to send but for its EMCY.
 const FLOOD: u16 = 0x100;
 
 impl Site {

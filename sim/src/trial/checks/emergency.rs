@@ -2,7 +2,7 @@
 //!
 //! In: every EMCY and boot-up. Out: a violation for a fault that is told twice without having
 //! gone, for code 0000h when nothing has gone, and for a fault that stands at the end. Several
-//! faults may go with one 0000h; the set of faults in each message says which. A boot-up takes
+//! faults may go with one 0000h; the set of faults in each message shows which. A boot-up takes
 //! everything back.
 //!
 //! The first two are asked for on a sound bus only: a channel that can't send keeps the first and

@@ -94,7 +94,7 @@ impl Safety {
     }
 }
 
-/// Of all true slopes that a frame may mean, those next to what it says.
+/// Of all true slopes that a frame may mean, those next to what it carries.
 fn nearest(
     at_s: f64,
     (youngest, oldest): (f64, f64),

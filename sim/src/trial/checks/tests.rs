@@ -31,7 +31,7 @@ impl Trace {
         }
     }
 
-    fn say(&mut self, channel: usize, message: Message) {
+    fn send(&mut self, channel: usize, message: Message) {
         (self.checks).see(self.now_s, channel, &message, self.ideal);
     }
 
@@ -39,17 +39,17 @@ impl Trace {
     fn sync(&mut self, off_deg: [Option<f64>; 2], states: [u8; 2]) {
         self.syncs += 1;
         self.now_s = f64::from(self.syncs) * 0.02;
-        self.say(0, Message::Sync);
+        self.send(0, Message::Sync);
         let truth = (self.ideal)(self.now_s - self.checks.limits.latency_s);
         let [x, y] = truth.expect("always known");
         self.now_s += 0.001;
         for channel in 0..2 {
-            self.say(channel, Message::Heartbeat(5));
+            self.send(channel, Message::Heartbeat(5));
             let slopes = Slopes {
                 deg: [off_deg[channel].map(|off| x + off), Some(y)],
                 state: Some(states[channel]),
             };
-            self.say(channel, Message::Slopes(slopes));
+            self.send(channel, Message::Slopes(slopes));
         }
     }
 
@@ -69,7 +69,7 @@ impl Trace {
             reason: 0,
             state,
         };
-        self.say(channel, Message::Emergency(emergency));
+        self.send(channel, Message::Emergency(emergency));
     }
 
     fn state(&mut self, channel: usize, uncertainty_deg: Option<f64>) {
@@ -77,7 +77,7 @@ impl Trace {
             state: 1,
             uncertainty_deg,
         };
-        self.say(channel, Message::State(state));
+        self.send(channel, Message::State(state));
     }
 
     fn fault_of(&mut self, channel: usize) {
@@ -242,7 +242,7 @@ fn one_message_may_take_back_several_and_a_boot_up_takes_back_all() {
     trace.emergency(0, 0xFF02, 1 << 13 | 1 << 5);
     trace.emergency(0, 0, 0);
     trace.emergency(1, 0xFF15, 1 << 14);
-    trace.say(1, Message::BootUp);
+    trace.send(1, Message::BootUp);
     trace.checks.end(trace.now_s);
     assert_eq!(trace.broken(), []);
 }
@@ -296,10 +296,10 @@ fn a_safety_frame_may_not_go_out_once_the_channel_accuses_somebody() {
     let mut trace = working();
     trace.fault_of(0);
     trace.run(0.04, [Some(0.0); 2], [6; 2]);
-    trace.say(0, Message::Safety([0.0; 2]));
+    trace.send(0, Message::Safety([0.0; 2]));
     assert_eq!(trace.broken(), []);
     trace.run(0.04, [Some(0.0); 2], [6; 2]);
-    trace.say(0, Message::Safety([0.0; 2]));
+    trace.send(0, Message::Safety([0.0; 2]));
     assert_eq!(trace.broken(), [(Rule::SafetyFrame, 0)]);
 }
 
@@ -311,7 +311,7 @@ fn a_safety_frame_is_held_to_the_truth_of_its_possible_instants() {
         for _ in 0..30 {
             trace.now_s += 0.025;
             let now = turning(trace.now_s).expect("always known");
-            trace.say(1, Message::Safety([now[0] - behind_deg, 0.0]));
+            trace.send(1, Message::Safety([now[0] - behind_deg, 0.0]));
         }
         assert_eq!(trace.broken().len(), broken, "{behind_deg}");
     }
@@ -327,7 +327,7 @@ fn a_channel_with_safety_frames_is_in_order_only_while_it_sends_them() {
     trace.run(1.0, [Some(0.0); 2], [1; 2]);
     assert!(!trace.checks.in_order(trace.now_s));
     for channel in 0..2 {
-        trace.say(channel, Message::Safety([0.0; 2]));
+        trace.send(channel, Message::Safety([0.0; 2]));
     }
     assert!(trace.checks.in_order(trace.now_s));
 }
@@ -356,9 +356,9 @@ fn a_single_frame_of_before_a_silence_was_not_seen() {
             let mut trace = Trace::new(Limits::PRODUCT, turning);
             trace.run(0.2, [Some(0.0); 2], [1; 2]);
             let then = turning(trace.now_s).expect("always known");
-            trace.say(1, carrier(then));
+            trace.send(1, carrier(then));
             trace.now_s += silence_s;
-            trace.say(1, carrier(then));
+            trace.send(1, carrier(then));
             let told = [(Rule::StaleAngle, 1)];
             assert_eq!(trace.broken(), told[..broken], "{silence_s} s");
         }
@@ -372,7 +372,7 @@ fn the_first_angle_after_a_silence_was_held_to_a_limit_before_its_uncertainty_wa
         let mut trace = Trace::new(STATING, level);
         trace.run(0.2, [Some(0.0); 2], [1; 2]);
         trace.now_s += 1.0;
-        trace.say(1, CARRIERS[0]([1.0, 0.0]));
+        trace.send(1, CARRIERS[0]([1.0, 0.0]));
         assert_eq!(trace.broken(), []);
         trace.state(1, stated_deg);
         let told = [(Rule::StaleAngle, 1)];
@@ -390,7 +390,7 @@ fn after_a_silence_a_channel_that_is_faulty_itself_has_its_reaction_time() {
         let mut trace = working();
         trace.fault_of(usize::from(is_faulty));
         trace.now_s += 1.0;
-        trace.say(1, CARRIERS[0]([3.0, 0.0]));
+        trace.send(1, CARRIERS[0]([3.0, 0.0]));
         let told = [(Rule::StaleAngle, 1)];
         assert_eq!(trace.broken(), told[..broken], "{is_faulty}");
     }

@@ -2,7 +2,7 @@
 //!
 //! In: the vertical before the turn, each sample of the rate during it, the vertical after it.
 //! Out: a [`Turn`]. No sample is kept, so it does not matter how long a turn takes; a [`TurnSum`]
-//! takes 400 bytes. A [`Rotation`] is the same without the verticals, for those who know them
+//! takes 400 bytes. A [`Rotation`] is the same without the verticals, for those who have them
 //! later only.
 //!
 //! # How

@@ -189,7 +189,7 @@ fn has_lasted(us: u32, latch: Latch) -> bool {
     matches!(latch, Latch::Healthy(enough) if us >= enough)
 }
 
-/// What is latched ends only as the latch and a reset of the channel concerned say.
+/// What is latched ends only as the latch and a reset of the channel concerned allow.
 fn nothing_is_forgotten(before: &Findings, event: &Event, after: &Findings, past: &Past, l: Latch) {
     if matches!(event, Event::Reset) {
         return;

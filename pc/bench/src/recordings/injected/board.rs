@@ -28,9 +28,9 @@ const BEFORE_UP_US: u64 = 500_000;
 pub struct Pair {
     /// The instant.
     pub now: Instant,
-    /// What channel 1 says.
+    /// What channel 1 reports.
     pub own: Observation,
-    /// What channel 2 says.
+    /// What channel 2 reports.
     pub peer: Observation,
     /// Whether the board lies still, and has done so for a while.
     pub lies: bool,

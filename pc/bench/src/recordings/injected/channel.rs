@@ -60,8 +60,8 @@ impl<'a> Channel<'a> {
 
     /// The same channel, with a fault that begins at `from`.
     pub fn with(&self, fault: SensorFault, from: Instant, rng: Rng) -> Self {
-        // `OnCounts` knows the noise by its density and the rate. This part has more, so it is
-        // told the rate at which the density comes to the noise that was measured.
+        // `OnCounts` has the noise by its density and the rate. This part has more, so it is
+        // given the rate at which the density comes to the noise that was measured.
         let rate_hz = 2.0 * (self.noise_g() / DENSITY_G).powi(2);
         Self {
             fault: Some(OnCounts::new(fault, from.0 as f64 / 1e6, rate_hz, rng)),
@@ -69,7 +69,7 @@ impl<'a> Channel<'a> {
         }
     }
 
-    /// What the channel says at `now`, a SYNC; instants must not go back.
+    /// What the channel reports at `now`, a SYNC; instants must not go back.
     pub fn observe(&mut self, now: Instant) -> Observation {
         self.feed_until(now);
         let activity = self.health.take_activity(&mut self.watch);

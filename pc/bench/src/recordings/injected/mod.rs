@@ -1,7 +1,7 @@
 //! Faults injected into real recordings: the section "On real recordings" of `docs/faults-real.md`.
 //!
 //! In: the two channels of one board that lie beside the checkout. Out: the section, which the
-//! page must hold as it is. Where the recordings are missing, the tests say so and pass.
+//! page must hold as it is. Where the recordings are missing, the tests print this and pass.
 
 mod board;
 mod channel;
@@ -120,7 +120,7 @@ fn claims(section: &Section) {
 }
 
 #[test]
-fn faults_in_real_channels_are_told_as_the_page_says() {
+fn faults_in_real_channels_are_told_as_on_the_page() {
     let Some((prepared, chains)) = channels() else {
         return;
     };

@@ -53,7 +53,7 @@ const KINDS: [(&str, Make); 20] = [
     ("swapped axes", |_, _| Some(SwappedAxes)),
 ];
 
-/// Everything that the section says.
+/// Everything in the section.
 pub struct Section {
     /// The check and what it was made from.
     pub tuned: Tuned,

@@ -1,4 +1,4 @@
-//! Faults put into one of two real channels, and what the check says of them.
+//! Faults put into one of two real channels, and what the check reports of them.
 //!
 //! In: a [`Board`] and a [`ProductCheck`]. Out: what the healthy pair is told of itself
 //! ([`Healthy`]), and for each kind of fault a [`Tally`] over all moments.
