@@ -116,7 +116,7 @@ const OUTAGE_US: i64 = 75_000;
 const NOMINAL_PERIOD_US: u32 = 2500;
 
 /// How often a sample that is overdue is asked after.
-const WATCH_US: i64 = 4_000;
+const WATCH_US: u32 = 4_000;
 
 /// The die's temperature moves by less than this between two readings, 1/256 degC, ...
 const JUMP: i32 = 640;
@@ -226,6 +226,9 @@ impl<P: Part, C: Composition> Channel<P, C> {
         self.fault = Some(Invalid::Bus);
         self.part.init(&settings.part, delay)?;
         self.fault = None;
+        // The first sample comes much earlier, at 50 samples/s and more. A part whose data-ready is
+        // not connected gives none at all.
+        self.overdue_at = self.next_check;
         Ok(())
     }
 
@@ -296,12 +299,16 @@ impl<P: Part, C: Composition> Channel<P, C> {
             self.next_check = now.offset(CHECK_INTERVAL_US);
         }
         if overdue {
-            let watch_us = WATCH_US.max(i64::from(settings.chain.period_us));
-            self.next_watch = now.offset(watch_us);
+            // The chain finds samples that have stopped, and not that the first one is missing.
+            self.lost |= self.samples == 0;
+            let watch_us = WATCH_US.max(settings.chain.period_us);
+            self.next_watch = now.offset(i64::from(watch_us));
         }
         self.deadline()
     }
 
+    // Out of line: the image is smaller.
+    #[cfg_attr(target_pointer_width = "32", inline(never))]
     fn check(&mut self, settings: &Settings<C>, now: Instant, overdue: bool) {
         match self.part.verify() {
             Ok(()) => self.nameless = None,

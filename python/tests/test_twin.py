@@ -51,15 +51,44 @@ def test_a_fault_is_told_and_healed_in_milliseconds() -> None:
     twin.send(*START_ALL)
     begin = time.monotonic()
     twin.say("fault b stuck")
-    frames = twin.run(1.0)
+    frames = twin.run(60.0)
     took = time.monotonic() - begin
     assert "FF01" in emergencies(frames, B), frames
-    # Some milliseconds on an idle machine.
-    assert took < 1.0, took
+    # A tenth of a second on an idle machine; at the speed of a real instrument a minute.
+    assert took < 20.0, took
     assert "FF01" not in emergencies(frames, A)
     twin.say("heal b")
     twin.say("reset b")
     assert any(frame.id == 0x700 + B and frame.data == b"\0" for frame in twin.run(1.0))
+
+
+def slopes(frames: list[plumb.Frame]) -> list[tuple[int, int]]:
+    """Slopes X and Y of TPDO 1 of both nodes; -32768 is 8000h."""
+    own = [frame.data for frame in frames if frame.id in (0x180 + A, 0x180 + B)]
+    return [tuple(np.frombuffer(data[:4], "<i2").tolist()) for data in own]
+
+
+@pytest.mark.parametrize("second", ["x 30", "y -30", "z 60"])
+@pytest.mark.parametrize("again", [False, True], ids=["standing", "moving"])
+def test_a_second_fault_in_a_disagreement_made_the_first_one_valid(second: str, again: bool) -> None:
+    twin = plumb.Twin(seed=3)
+    twin.send(*START_ALL)
+    twin.run(4.0)
+    # The first fault begins in a turn and lies across gravity: no channel is named.
+    twin.say("rate 20")
+    twin.say("roll 40")
+    twin.run(0.5)
+    twin.say("fault a bias y 50")
+    frames = twin.run(62.0)
+    assert "FF13" in emergencies(frames, A) and "FF14" not in emergencies(frames, A)
+    if again:
+        twin.say("roll 20")
+        twin.run(0.3)
+    twin.say(f"fault b bias {second}")
+    frames = twin.run(6.0)
+    # The second one is named, and the angle of the first is not valid again.
+    assert "FF14" in emergencies(frames, B)
+    assert set(slopes(frames)) == {(-0x8000, -0x8000)}
 
 
 def test_the_truth_is_where_the_words_have_led() -> None:

@@ -292,6 +292,27 @@ fn a_stuck_data_ready_makes_the_channel_stale_and_is_not_latched() {
 }
 
 #[test]
+fn a_data_ready_that_was_never_connected_was_no_fault() {
+    let mut alone = Alone::started();
+    alone.feed(39, false);
+    assert_eq!(alone.reason(), Some(Invalid::NoSample), "it may still come");
+    for _ in 0..100 {
+        alone.feed(40, false);
+        assert_eq!(alone.reason(), Some(Invalid::Stale));
+    }
+    // The wire is connected: it measures without a reset, as after a break.
+    alone.feed(200, true);
+    assert_eq!(alone.reason(), None);
+    // A new start waits for its first sample anew.
+    let now = Instant(alone.now_us);
+    let mut delay = SpiPort::new(Rc::clone(&alone.chip));
+    alone.node.start(&alone.settings, &mut delay, now).unwrap();
+    assert_eq!(alone.reason(), Some(Invalid::NoSample));
+    alone.feed(41, false);
+    assert_eq!(alone.reason(), Some(Invalid::Stale));
+}
+
+#[test]
 fn a_channel_that_was_never_started_is_invalid() {
     let chip = Rc::new(RefCell::new(Chip::new(Traits::TYPICAL)));
     let settings = Mode::Product.settings();

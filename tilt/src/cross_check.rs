@@ -445,6 +445,8 @@ mod product_tests;
 #[cfg(test)]
 mod random_tests;
 #[cfg(test)]
+mod second_fault_tests;
+#[cfg(test)]
 mod standstill_tests;
 #[cfg(test)]
 mod starting_tests;

@@ -17,7 +17,8 @@
 //! A disagreement and a faulty channel are stored apart, since neither ends the other: a channel
 //! that falls silent is not thereby the wrong one of two that differ. What is late or silent
 //! explains no difference either. A channel that is found to measure wrongly does, if it is found
-//! soon enough for both to have one cause.
+//! soon enough for both to have one cause. One that is found later is faulty, and the disagreement
+//! stays beside it: the other channel does not go on alone.
 //!
 //! Time counts towards an end only while pairs show that the cause is gone. So nothing ends during
 //! a silence, and the state needs no clock.
@@ -46,9 +47,15 @@ pub const PROOF_US: u32 = 500_000;
 
 /// A disagreement is explained by a fault that is found within this time after it, us. The slowest
 /// of those that show in the difference first is a damaged calibration: its check sum is compared
-/// four times a second. Gravity and movement weigh the difference itself: they explain it at any
-/// time.
+/// four times a second. What weighs the vectors themselves has longer ([`WEIGHED_CAUSE_US`]).
 pub const ONE_CAUSE_US: u32 = 1_500_000;
+
+/// The same for what gravity, a movement or a turn has weighed, us: a fault that begins while the
+/// machine moves is named when it stands. Nothing shows that what is weighed then has made the
+/// difference: a second fault, of the other channel, is named as well, and the wrong angle of the
+/// first would be valid. So a disagreement of a minute is explained no more, and only a second
+/// fault within the same minute is taken for the first.
+pub const WEIGHED_CAUSE_US: u32 = 60_000_000;
 
 /// The most that one pair counts for, us. It counts for the shorter one of the last two times
 /// between pairs, so that a pair after a pause shows no more than any other.
@@ -131,7 +138,7 @@ impl Faulty {
 struct Disagreement {
     /// For how long they have agreed since, us.
     agreed_us: u32,
-    /// How long ago it was found, us; stops at [`ONE_CAUSE_US`].
+    /// How long ago it was found, us; stops at [`WEIGHED_CAUSE_US`].
     age_us: u32,
 }
 
@@ -221,7 +228,7 @@ impl Findings {
                 Comparison::Absent => held.agreed_us,
                 Comparison::Excess | Comparison::Differ => 0,
             };
-            held.age_us = held.age_us.saturating_add(credit_us).min(ONE_CAUSE_US);
+            held.age_us = held.age_us.saturating_add(credit_us).min(WEIGHED_CAUSE_US);
         }
         if agrees {
             self.agreed_us = self.agreed_us.saturating_add(credit_us).min(PROOF_US);
@@ -246,8 +253,13 @@ impl Findings {
             None => {}
         }
         let weighed = against.reason == Invalid::Biased;
+        let explains_us = if weighed {
+            WEIGHED_CAUSE_US
+        } else {
+            ONE_CAUSE_US
+        };
         let age_us = self.disagreement.map_or(0, |held| held.age_us);
-        if against.reason.measures_wrongly() && (weighed || age_us < ONE_CAUSE_US) {
+        if against.reason.measures_wrongly() && age_us < explains_us {
             self.disagreement = None;
             self.contested = false;
         }
@@ -315,22 +327,6 @@ impl Findings {
     pub fn is_latched(&self) -> bool {
         let latched = |faulty: &Faulty| !faulty.reason.passes_with_its_cause();
         self.disagree() || self.faulty.iter().flatten().any(latched)
-    }
-
-    /// The same with times in classes: what has counted for long enough, and what has not.
-    ///
-    /// For tests that go through all states.
-    pub fn coarse(mut self) -> Self {
-        for faulty in self.faulty.iter_mut().flatten() {
-            faulty.sound_us = faulty.sound_us / (RECOVERY_US / 2) * (RECOVERY_US / 2);
-        }
-        if let Some(held) = &mut self.disagreement {
-            held.agreed_us = held.agreed_us / (RECOVERY_US / 2) * (RECOVERY_US / 2);
-            held.age_us = held.age_us / ONE_CAUSE_US * ONE_CAUSE_US;
-        }
-        self.agreed_us = self.agreed_us / PROOF_US * PROOF_US;
-        self.before_us = 0;
-        self
     }
 
     /// What was found, as a judgement.

@@ -14,7 +14,7 @@ use crate::vector::Corrected;
 const LEFT: [[f64; 3]; 2] = [[0.4, -0.3, 0.2], [-0.2, 0.3, -0.3]];
 
 /// An offset of one axis, mg.
-fn on(axis: usize, mg: f64) -> [f64; 3] {
+pub(super) fn on(axis: usize, mg: f64) -> [f64; 3] {
     let mut offset = [0.0; 3];
     offset[axis] = mg;
     offset
@@ -25,8 +25,8 @@ fn plus(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
 }
 
 /// Two channels on one machine.
-struct Machine {
-    bench: Bench,
+pub(super) struct Machine {
+    pub(super) bench: Bench,
     dice: Dice,
     time_s: f64,
     /// Rumble of an idling engine on each axis, mg.
@@ -34,7 +34,7 @@ struct Machine {
 }
 
 impl Machine {
-    fn new(seed: u64) -> Self {
+    pub(super) fn new(seed: u64) -> Self {
         Self {
             bench: Bench::new(),
             dice: Dice(0x9E37_79B9_7F4A_7C15 ^ (seed << 17 | seed)),
@@ -44,7 +44,12 @@ impl Machine {
     }
 
     /// What both channels report next of this force with these offsets, mg.
-    fn pair(&mut self, force: [f64; 3], own: [f64; 3], peer: [f64; 3]) -> [Observation; 2] {
+    pub(super) fn pair(
+        &mut self,
+        force: [f64; 3],
+        own: [f64; 3],
+        peer: [f64; 3],
+    ) -> [Observation; 2] {
         self.time_s += self.bench.period_us as f64 * 1e-6;
         let tone = |hz: f64, lag: f64| (core::f64::consts::TAU * hz * self.time_s + lag).sin();
         let rumble = [0.0, 2.0, 4.0].map(|lag| {
@@ -68,7 +73,7 @@ impl Machine {
     }
 
     /// For so long; the judgements that there were. `at` gives force and offset by the time, s.
-    fn lasts(
+    pub(super) fn lasts(
         &mut self,
         seconds: f64,
         node: Member,
@@ -85,14 +90,18 @@ impl Machine {
     }
 
     /// Healthy for eight seconds.
-    fn works(mut self, at: impl Fn(f64) -> [f64; 3]) -> Self {
+    pub(super) fn works(mut self, at: impl Fn(f64) -> [f64; 3]) -> Self {
         let all = self.lasts(8.0, Member::Own, |t| (at(t), [0.0; 3]));
         assert_eq!(all, [Judgement::Agree]);
         self
     }
 
     /// The next pairs as `made` of what the channels feel.
-    fn made(&mut self, seconds: f64, mut made: impl FnMut(&mut Self) -> [Observation; 2]) {
+    pub(super) fn made(
+        &mut self,
+        seconds: f64,
+        mut made: impl FnMut(&mut Self) -> [Observation; 2],
+    ) {
         let from_s = self.time_s;
         while self.time_s < from_s + seconds - 1e-9 {
             let [own, peer] = made(self);
@@ -101,9 +110,9 @@ impl Machine {
     }
 }
 
-const NODES: [Member; 2] = [Member::Own, Member::Peer];
+pub(super) const NODES: [Member; 2] = [Member::Own, Member::Peer];
 
-const fn other(node: Member) -> Member {
+pub(super) const fn other(node: Member) -> Member {
     match node {
         Member::Own => Member::Peer,
         Member::Peer => Member::Own,

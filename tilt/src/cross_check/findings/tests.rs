@@ -17,6 +17,8 @@ enum Event {
     OwnAway,
     PeerRestarted,
     Reset,
+    /// As many pairs as a disagreement may wait for gravity or a movement, all of which differ.
+    LongDifference,
 }
 
 const fn found(reason: Invalid) -> Option<Against> {
@@ -48,7 +50,12 @@ const fn pair(
 /// reason; one starts and is waited for.
 fn events() -> Vec<Event> {
     use Invalid::{Biased, Noise, Silent, Stuck, Unconfirmed};
-    let mut all = vec![Event::OwnAway, Event::PeerRestarted, Event::Reset];
+    let mut all = vec![
+        Event::OwnAway,
+        Event::PeerRestarted,
+        Event::Reset,
+        Event::LongDifference,
+    ];
     let compared = [
         Comparison::Alike,
         Comparison::Agree,
@@ -75,6 +82,17 @@ fn events() -> Vec<Event> {
         all.push(absent([None; 2], measures));
     }
     all
+}
+
+/// The events in this one, one after the other.
+fn single(event: Event) -> (Event, u32) {
+    match event {
+        Event::LongDifference => (
+            pair([None; 2], [true; 2], Comparison::Differ, STEP_US),
+            WEIGHED_CAUSE_US / STEP_US + 1,
+        ),
+        event => (event, 1),
+    }
 }
 
 /// What happened so far, as far as the rules ask for it. Each time stops where no rule asks for
@@ -114,6 +132,7 @@ impl Past {
                 return self;
             }
             Event::PeerRestarted => return self,
+            Event::LongDifference => unreachable!("it is many single ones"),
             Event::Pair(evidence) => evidence,
         };
         let before_us = std::mem::replace(&mut self.before_us, evidence.elapsed_us);
@@ -121,7 +140,7 @@ impl Past {
         let comparison = evidence.comparison;
         let compared = !matches!(comparison, Comparison::Absent | Comparison::Alike);
         self.disagreed_us = match before.disagree() {
-            true => (self.disagreed_us + passed_us).min(ONE_CAUSE_US + STEP_US),
+            true => (self.disagreed_us + passed_us).min(WEIGHED_CAUSE_US),
             false => 0,
         };
         let alike = matches!(comparison, Comparison::Agree | Comparison::Alike);
@@ -172,6 +191,7 @@ fn apply(mut findings: Findings, event: &Event, latch: Latch) -> Findings {
         Event::OwnAway => findings.own_away(),
         Event::PeerRestarted => findings.peer_restarted(),
         Event::Reset => findings = Findings::default(),
+        Event::LongDifference => unreachable!("it is many single ones"),
     }
     findings
 }
@@ -180,8 +200,8 @@ fn apply(mut findings: Findings, event: &Event, latch: Latch) -> Findings {
 fn attributes(evidence: &Evidence, disagreed_us: u32) -> bool {
     let mut against = evidence.against.iter().flatten();
     against.any(|against| {
-        let soon = against.reason.measures_wrongly() && disagreed_us <= ONE_CAUSE_US;
-        soon || against.reason == Invalid::Biased
+        let weighed = against.reason == Invalid::Biased && disagreed_us < WEIGHED_CAUSE_US;
+        weighed || against.reason.measures_wrongly() && disagreed_us < ONE_CAUSE_US
     })
 }
 
@@ -258,8 +278,9 @@ fn rules(before: &Findings, event: &Event, after: &Findings, past: &Past, latch:
     }
 }
 
-/// What has lasted longer than any rule asks for is all alike.
-fn alike(mut findings: Findings, latch: Latch) -> Findings {
+/// What has lasted longer than any rule asks for is all alike; so are the times between which no
+/// rule tells.
+fn alike((mut findings, mut past): (Findings, Past), latch: Latch) -> (Findings, Past) {
     for faulty in findings.faulty.iter_mut().flatten() {
         let most_us = if faulty.passes() {
             RECOVERY_US
@@ -270,8 +291,18 @@ fn alike(mut findings: Findings, latch: Latch) -> Findings {
     }
     if let Some(held) = &mut findings.disagreement {
         held.agreed_us = held.agreed_us.min(latch_us(latch));
+        held.age_us = waited(held.age_us);
     }
-    findings
+    past.disagreed_us = waited(past.disagreed_us);
+    (findings, past)
+}
+
+/// The age of a disagreement: what is between the two times that count is the first of them.
+fn waited(us: u32) -> u32 {
+    match us {
+        ONE_CAUSE_US..WEIGHED_CAUSE_US => ONE_CAUSE_US,
+        us => us,
+    }
 }
 
 /// Goes through all states that any sequence of events leads to; how many there are, and the
@@ -285,11 +316,22 @@ fn explore(latch: Latch) -> (usize, usize) {
     while let Some(((before, past), steps)) = open.pop_front() {
         deepest = steps;
         for event in &events {
-            let after = alike(apply(before, event, latch), latch);
-            let now = past.with(&before, event, latch);
-            rules(&before, event, &after, &now, latch);
-            if known.insert((after, now)) {
-                open.push_back(((after, now), steps + 1));
+            let (event, times) = single(*event);
+            // What comes before is gone through step by step.
+            if times > 1 && past.disagreed_us != ONE_CAUSE_US {
+                continue;
+            }
+            let mut state = (before, past);
+            for _ in 0..times {
+                let (before, past) = state;
+                let after = apply(before, &event, latch);
+                let now = past.with(&before, &event, latch);
+                rules(&before, &event, &after, &now, latch);
+                state = (after, now);
+            }
+            let state = alike(state, latch);
+            if known.insert(state) {
+                open.push_back((state, steps + 1));
             }
         }
     }
