@@ -38,6 +38,11 @@ OWN_SHEETS = "plumb-dynamic" if MODE == "dynamic" else SHEETS
 # It warns whenever a piece of TCP ends within a frame, which is no fault.
 logging.getLogger("can.interfaces.socketcand").setLevel(logging.ERROR)
 
+# Limits of waits are what a machine without other work needs by far; one that is busy, or does not
+# run a process for seconds, gets so many times as long. What is waited for ends the wait, and how
+# long something takes is judged by the time stamps of the bus.
+PATIENCE = 10
+
 # A frame of the tests' own, above every COB-ID in use but those of LSS: nothing answers it.
 PROBE = 0x7DF
 
@@ -50,6 +55,7 @@ class Plumb:
 
     def __init__(self, *arguments: str) -> None:
         command = [PLUMB, "serve", "--listen", "127.0.0.1:0", *arguments]
+        self.speed = dict(zip(arguments, arguments[1:])).get("--speed", "1")
         if MODE != "product" and "--mode" not in arguments:
             command += ["--mode", MODE]
         if EMULATED and "PLUMB_IMAGES" in os.environ:
@@ -69,7 +75,7 @@ class Plumb:
         if EMULATED:
             # Until its bootloader and its start are through, a real image's boot-up message is
             # still to come, and would pass for that of a reset.
-            time.sleep(0.5)
+            self.rest(0.5)
 
     def _read(self) -> None:
         for line in self.process.stdout:
@@ -77,7 +83,7 @@ class Plumb:
 
     def printed(self, what: str, timeout: float = 10) -> str:
         """The next printed line with `what` in it."""
-        end = time.monotonic() + timeout
+        end = time.monotonic() + PATIENCE * timeout
         while True:
             try:
                 line = self.lines.get(timeout=max(end - time.monotonic(), 0.001))
@@ -99,12 +105,18 @@ class Plumb:
         found = re.search(r"pitch (-?[\d.]+) deg, roll (-?[\d.]+) deg", self.printed("bus load"))
         return float(found[2]), float(found[1])
 
+    def rest(self, seconds: float) -> None:
+        """Lets pass what is so much time on a machine that keeps up with the bus, however slow this
+        one is; what was typed before has been done by then."""
+        self.type(f"+{seconds * float(self.speed):.6f} status")
+        self.printed("bus load", seconds + 6)
+
     def turn(self, pitch: float, roll: float = 0.0, rate: float = 90.0) -> None:
         """Turns the housing and returns once it stands there."""
         # Level first: the two slopes together can't be those of the old pose and the new one.
         self.type(f"rate {rate}", "level", f"pitch {pitch}", f"roll {roll}")
         until(lambda: self.truth() == (roll, pitch), f"{pitch} deg", 400 / rate + 3)
-        time.sleep(0.2)
+        self.rest(0.2)
 
     def stop(self) -> None:
         """Ends the program."""
@@ -135,6 +147,7 @@ class Master(can.Listener):
     def __init__(
         self, plumb: Plumb, nodes: Iterable[int] = (1, 2), sheets: str = SHEETS
     ) -> None:
+        self.plumb = plumb
         self.frames: list[can.Message] = []
         self.network = canopen.Network()
         self.network.listeners.append(self)
@@ -145,7 +158,7 @@ class Master(can.Listener):
         paths = [ROOT / "eds" / f"{sheets}-{channel}.eds" for channel in "ba"]
         self.nodes = {id: self.network.add_node(id, str(paths[id % 2])) for id in nodes}
         for node in self.nodes.values():
-            node.sdo.RESPONSE_TIMEOUT = 5.0
+            node.sdo.RESPONSE_TIMEOUT = 30.0
 
     def on_message_received(self, message: can.Message) -> None:
         """python-can calls this from its thread with every frame."""
@@ -170,7 +183,7 @@ class Master(can.Listener):
         other = opened(self.address)
         try:
             self.send(PROBE, b"\x01")
-            end = time.monotonic() + 6
+            end = time.monotonic() + 6 * PATIENCE
             while (frame := other.recv(1)) is None or frame.arbitration_id != PROBE:
                 assert time.monotonic() < end, "what was sent never came to the bus"
             mark = self.mark()
@@ -178,6 +191,12 @@ class Master(can.Listener):
             self.next(PROBE, mark)
         finally:
             other.shutdown()
+
+    def rest(self, seconds: float) -> None:
+        """As that of `plumb`, behind what this master has sent; it has received all of it then."""
+        self.settle()
+        self.plumb.rest(seconds)
+        self.settle()
 
     def mark(self) -> int:
         """Frames kept from here on are the newer ones."""
@@ -293,7 +312,7 @@ def unseen(plumb: Plumb, master: Master, line: str) -> None:
     master.nmt(PRE_OPERATIONAL)
     master.settle()
     plumb.type(line)
-    time.sleep(0.5)
+    plumb.rest(0.5)
     master.nmt(START)
 
 
@@ -310,7 +329,7 @@ def until(
 ) -> Any:
     """Waits for a condition; what it was waiting for, and what came instead, is told when it never
     comes."""
-    end = time.monotonic() + timeout
+    end = time.monotonic() + PATIENCE * timeout
     while True:
         if found := condition():
             return found

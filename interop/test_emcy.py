@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from typing import Iterator
 
 import canopen
@@ -46,7 +45,7 @@ def test_an_error_is_sent_once_and_once_more_when_it_has_gone(master: Master) ->
     assert data[2] == DEVICE == master.read(1, 0x1001)
     assert int.from_bytes(data[3:6], "little") == 1 << 1, "fault 1: slope Y out of range"
     assert data[6:] == bytes(2), "nobody is blamed, and nothing was compared"
-    time.sleep(0.2)
+    master.rest(0.2)
     assert len(master.since(mark, 0x081)) == 1
     enter_range(master)
     data = emcy(master, mark, OVER)
@@ -104,7 +103,7 @@ def test_1014h_moves_emcy_and_turns_it_off(master: Master) -> None:
     mark = master.mark()
     leave_range(master)
     until(lambda: master.read(1, 0x1001) == DEVICE, "the error")
-    time.sleep(0.1)
+    master.rest(0.1)
     assert not master.since(mark, 0x081)
     enter_range(master)
     until(lambda: master.read(1, 0x1001) == 0, "its end")
@@ -137,7 +136,7 @@ def test_emcy_waits_while_the_node_is_stopped(plumb: Plumb, master: Master) -> N
     master.settle()
     mark = master.mark()
     plumb.type("fault a silent")
-    time.sleep(0.5)
+    master.rest(0.5)
     assert not master.since(mark, 0x081), "EMCY is no service of STOPPED"
     assert master.since(mark, 0x701)
     master.nmt(PRE_OPERATIONAL, 1)
@@ -157,12 +156,12 @@ def test_1029h_sets_what_an_error_of_the_instrument_does(
     try:
         if behaviour == 1:
             emcy(master, mark, 0xFF01, node=2)
-        time.sleep(0.4)
+        master.rest(0.4)
         assert bytes(master.since(mark, 0x702)[-1].data) == bytes([state])
     finally:
         plumb.type("heal b")
         master.nmt(RESET_NODE, 2)
-        time.sleep(0.5)
+        master.rest(0.5)
 
 
 def test_1029h_as_delivered_changes_no_state(master: Master) -> None:
@@ -232,7 +231,7 @@ def test_every_emcy_is_taken_back_once(
 
 
 def test_a_lost_heartbeat_is_8130h_and_its_return_ends_it(plumb: Plumb, master: Master) -> None:
-    time.sleep(0.3)
+    master.rest(0.3)
     mark = master.mark()
     plumb.type("power b off")
     data = emcy(master, mark, 0x8130)
@@ -254,11 +253,11 @@ def test_bus_off_ends_by_itself_and_is_8140h(plumb: Plumb, master: Master) -> No
 @pytest.mark.virtual("the wires of an emulated board break, and none of its frames alone")
 def test_a_boot_up_message_that_bus_off_took_is_sent_again(plumb: Plumb, master: Master) -> None:
     plumb.type("fault b bus-off", "reset b")
-    time.sleep(1.5)
+    master.rest(1.5)
     mark = master.mark()
     plumb.type("heal b")
     master.next(0x702, mark)
-    time.sleep(0.5)
+    master.rest(0.5)
     told = [bytes(frame.data) for frame in master.since(mark, 0x702)]
     assert told[0] == b"\0" and told.count(b"\0") == 1
     # The master starts who has booted, and the pair is one again.

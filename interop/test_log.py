@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 import statistics
 import struct
-import time
 from typing import Iterator, NamedTuple
 
 import canopen
@@ -126,7 +125,7 @@ def power_cycle(plumb: Plumb, master: Master, who: str, nodes: tuple[int, ...]) 
     # The end of a block transfer has no answer: a node would get it when it is on again.
     master.settle()
     plumb.type(f"power {who} off")
-    time.sleep(0.2)
+    plumb.rest(0.2)
     mark = master.mark()
     plumb.type(f"power {who} on")
     for node in nodes:

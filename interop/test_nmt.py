@@ -129,9 +129,9 @@ def test_python_canopen_commands_and_follows_a_node(beating: Master) -> None:
     nmt = beating.nodes[1].nmt
     nmt.state = "OPERATIONAL"
     assert state(beating, 1) == OPERATIONAL
-    assert nmt.wait_for_heartbeat(1) == "OPERATIONAL"
+    assert nmt.wait_for_heartbeat(30) == "OPERATIONAL"
     nmt.state = "RESET"
-    nmt.wait_for_bootup(2)
+    nmt.wait_for_bootup(30)
 
 
 @pytest.mark.sheets("angles come later")

@@ -53,7 +53,7 @@ def begin(master: Master) -> None:
     master.nmt(START)
     for node in (1, 2):
         state(master, node, AGREE)
-    time.sleep(PROOF_S)
+    master.rest(PROOF_S)
 
 
 def state(master: Master, node: int, wanted: int, timeout: float = 8.0) -> None:
@@ -209,7 +209,7 @@ def test_a_fault_of_b_is_told_by_both_and_stays_until_a_reset(
     faulty(pair)
     # A channel once found faulty stays isolated until it is reset.
     plumb.type("heal b")
-    time.sleep(0.5)
+    pair.rest(0.5)
     faulty(pair)
     recovered(pair)
 
@@ -274,7 +274,7 @@ def test_an_invalid_angle_is_never_sent_as_a_plausible_number(plumb: Plumb, pair
     mark = pair.mark()
     plumb.type("fault b silent")
     emcy(pair, mark, 2, 0xFF01)
-    time.sleep(0.1)
+    pair.rest(0.1)
     frames = [slopes(f.data) for f in pair.since(mark, 0x182)]
     for x, y in frames:
         assert (x, y) == (INVALID16, INVALID16) or (abs(x) < 30 and abs(y - 3000) < 30)
@@ -318,7 +318,7 @@ def test_a_loose_board_is_a_disagreement_that_accuses_nobody(
         assert pair.read(node, 0x2021) == DISAGREE
         assert verdict(pair, node) == [0, 0]
     unseen(plumb, pair, "heal b")
-    time.sleep(0.5)
+    pair.rest(0.5)
     assert pair.read(1, 0x2021) == DISAGREE, "latched until a reset"
     pair.reset()
     begin(pair)
@@ -454,7 +454,7 @@ def test_a_part_of_the_exchange_that_never_came_was_not_reported(
 def test_single_lost_frames_are_no_fault(plumb: Plumb, pair: Master) -> None:
     mark = pair.mark()
     plumb.type("bus loss 0.02")
-    time.sleep(2)
+    plumb.rest(2)
     plumb.type("bus heal")
     codes = {bytes(f.data[:2]) for n in (0x081, 0x082) for f in pair.since(mark, n)}
     assert OTHER_CODE.to_bytes(2, "little") not in codes

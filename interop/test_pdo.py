@@ -164,7 +164,7 @@ def test_type_0_is_sent_at_the_sync_after_a_change(master: Master) -> None:
     assert first <= 1, "not at every SYNC"
     mark = master.mark()
     master.write(1, 0x6000, 0, 100)
-    time.sleep(0.1)
+    master.rest(0.1)
     assert not master.since(mark, identifier), "not before a SYNC"
     mark = syncs(master, 5)
     assert [bytes(f.data) for f in master.since(mark, identifier)] == [u(100, 2)]
@@ -175,12 +175,12 @@ def test_type_0_is_sent_at_the_sync_after_a_change(master: Master) -> None:
 def test_types_254_and_255_are_sent_at_a_change(master: Master, kind: int) -> None:
     identifier = remap(master, 3, [0x6000_0010], kind=kind)
     master.nmt(START, 1)
-    time.sleep(0.1)
+    master.rest(0.1)
     mark = syncs(master, 3)
     assert not master.since(mark, identifier), "neither change nor event timer"
     master.write(1, 0x6000, 0, 100)
     assert master.next(identifier, mark).data == u(100, 2)
-    time.sleep(0.1)
+    master.rest(0.1)
     assert len(master.since(mark, identifier)) == 1
 
 
@@ -189,7 +189,7 @@ def test_the_event_timer_sends_without_a_change(master: Master) -> None:
     identifier = remap(master, 3, [0x6000_0010], kind=255, event=50)
     mark = master.mark()
     master.nmt(START, 1)
-    time.sleep(0.6)
+    master.rest(0.6)
     found = gaps(master.since(mark, identifier))[1:]
     assert len(found) >= 8
     # 2 ms: a frame on the bus and the tick of the device.
@@ -200,7 +200,7 @@ def test_the_inhibit_time_keeps_a_busy_tpdo_apart(master: Master) -> None:
     identifier = remap(master, 3, [0x2031_0120], kind=254, inhibit=300)
     mark = master.mark()
     master.nmt(START, 1)
-    time.sleep(0.6)
+    master.rest(0.6)
     found = gaps(master.since(mark, identifier))
     assert len(found) >= 10, "the acceleration changes with every sample"
     assert min(found) > 0.0295, found
@@ -355,7 +355,7 @@ def test_an_rpdo_that_stays_away_is_reported(master: Master) -> None:
     master.write(1, 0x1400, 5, 100)
     master.nmt(START, 1)
     mark = master.mark()
-    time.sleep(0.3)
+    master.rest(0.3)
     assert not master.since(mark, 0x081), "supervision begins with the first one"
     master.send(0x382, exchange(77, 88))
     emcy = master.next(0x081, mark)
@@ -387,7 +387,7 @@ def test_a_remote_frame_is_answered_unless_bit_30_is_set(
     master.write(1, 0x1800, 1, 0x4000_0181)
     mark = master.mark()
     adapter.send(request)
-    time.sleep(0.2)
+    master.rest(0.2)
     assert not [f for f in master.since(mark, 0x181) if not f.is_remote_frame]
 
 

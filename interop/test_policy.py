@@ -3,7 +3,6 @@ alone (2005h), and who judges (2003h)."""
 
 from __future__ import annotations
 
-import time
 from typing import Iterator
 
 import pytest
@@ -47,7 +46,7 @@ def begin(master: Master) -> None:
         master.write(node, 0x2050, 1, 50)
     master.nmt(START)
     both(master, AGREE, AGREE)
-    time.sleep(PROOF_S)
+    master.rest(PROOF_S)
 
 
 def both(master: Master, *wanted: int) -> None:
@@ -210,7 +209,7 @@ def test_a_disagreement_stays_while_it_lasts_whatever_2004h_sets(
     mark = pair.mark()
     loosen(plumb, pair)
     emcy(pair, mark, 1, DISAGREE_CODE)
-    time.sleep(5 / SPEED)
+    pair.rest(5 / SPEED)
     both(pair, DISAGREE, DISAGREE)
     codes = [bytes(f.data[:2]) for f in pair.since(mark, 0x081)]
     assert codes == [DISAGREE_CODE.to_bytes(2, "little")]
@@ -270,7 +269,7 @@ def test_silence_counts_after_three_syncs(plumb: Plumb, pair: Master) -> None:
     pair.write(1, 0x1005, 0, 0x4000_0080)
     for node in (1, 2):
         pair.write(node, 0x2050, 1, 0)
-    time.sleep(0.2)
+    pair.rest(0.2)
     mark = pair.mark()
     pair.nmt(PRE_OPERATIONAL, 2)
     told = pair.next(0x081, mark, data=lambda d: d[:2] == OTHER_CODE.to_bytes(2, "little"))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import pathlib
 import re
 import subprocess
-import time
 from typing import Iterator
 
 import dcclib
@@ -30,7 +29,7 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> Iterator[pathlib.Path]:
         motor = re.search(r"tcp://\S+", plumb.printed("calibrate --motor"))[0]
         command = [PLUMB, "calibrate", "--motor", motor, "--bus", f"127.0.0.1:{plumb.port}"]
         command += ["--step", "15", "--country", "IT", "--laboratory", "<Müller> & Söhne"]
-        subprocess.run([*command, "--out", str(folder)], check=True, timeout=180)
+        subprocess.run([*command, "--out", str(folder)], check=True, timeout=600)
         yield folder
 
 
@@ -56,7 +55,7 @@ def by_hand(tmp_path_factory: pytest.TempPathFactory) -> Iterator[pathlib.Path]:
                 pitch, roll = next(stands)
                 # Not by `turn`, which waits for a slope that folds beyond 90 deg.
                 plumb.type("rate 400", "level", f"pitch {pitch}", f"roll {roll}")
-                time.sleep(0.5)
+                plumb.rest(0.5)
                 run.stdin.write("\n")
         assert run.wait(60) == 0
         yield folder

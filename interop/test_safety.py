@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from typing import Iterator
 
 import pytest
@@ -115,7 +114,7 @@ def test_the_vector_f2b5_maps_what_this_device_has_not(master: Master) -> None:
 def test_no_srdo_before_it_is_commissioned(master: Master) -> None:
     run(master)
     mark = master.mark()
-    time.sleep(0.2)
+    master.rest(0.2)
     assert not [f for f in master.frames[mark:] if 0x101 <= f.arbitration_id <= 0x180]
 
 
@@ -125,13 +124,13 @@ def test_both_configurations_must_be_valid(master: Master, left_out: str) -> Non
     master.write(1, {"13FEh": 0x13FE, "63FEh": 0x63FE}[left_out], 0, 0)
     run(master)
     mark = master.mark()
-    time.sleep(0.2)
+    master.rest(0.2)
     assert not master.since(mark, PLAIN[1])
 
 
 def test_pairs_are_plain_and_bit_inverted_and_carry_the_angles(running: Master) -> None:
     mark = running.mark()
-    time.sleep(0.5)
+    running.rest(0.5)
     for node in (1, 2):
         pair = (PLAIN[node], INVERTED[node])
         plain = [bytes(f.data) for f in running.since(mark, PLAIN[node])]
@@ -148,7 +147,7 @@ def test_pairs_are_plain_and_bit_inverted_and_carry_the_angles(running: Master) 
 
 def test_the_cycle_and_the_pairs_keep_their_times(running: Master) -> None:
     mark = running.mark()
-    time.sleep(1.0)
+    running.rest(1.0)
     for node in (1, 2):
         plain = [f.timestamp for f in running.since(mark, PLAIN[node])]
         inverted = [f.timestamp for f in running.since(mark, INVERTED[node])]
@@ -246,9 +245,9 @@ def test_nothing_of_it_may_be_written_in_operational(running: Master) -> None:
 def test_srdos_go_out_in_operational_only(running: Master, command: int) -> None:
     running.next(PLAIN[1], running.mark())
     running.nmt(command, 1)
-    time.sleep(0.05)
+    running.rest(0.05)
     mark = running.mark()
-    time.sleep(0.1)
+    running.rest(0.1)
     assert not running.since(mark, PLAIN[1])
 
 
@@ -258,9 +257,9 @@ def test_a_fault_is_silence(plumb: Plumb, running: Master) -> None:
         mark = running.mark()
         plumb.type("fault b stuck")
         running.next(0x082, mark)
-        time.sleep(0.05)
+        running.rest(0.05)
         mark = running.mark()
-        time.sleep(0.15)
+        running.rest(0.15)
         assert not running.since(mark, PLAIN[2]) and not running.since(mark, INVERTED[2])
     finally:
         plumb.type("heal b")
@@ -275,9 +274,9 @@ def test_a_disagreement_is_silence_of_both(plumb: Plumb, running: Master) -> Non
         plumb.type("fault b offset 20")
         for node in (1, 2):
             running.next(0x080 + node, mark, data=lambda d: d[:2] == b"\x13\xff" and d[7] == 6)
-        time.sleep(0.05)
+        running.rest(0.05)
         mark = running.mark()
-        time.sleep(0.15)
+        running.rest(0.15)
         assert not [f for f in running.frames[mark:] if 0x101 <= f.arbitration_id <= 0x104]
     finally:
         plumb.type("heal b")
@@ -286,15 +285,15 @@ def test_a_disagreement_is_silence_of_both(plumb: Plumb, running: Master) -> Non
 @pytest.mark.product("the paper's check warns for a while and names no channel")
 def test_one_channel_alone_sends_no_safety_frame(plumb: Plumb, running: Master) -> None:
     running.next(PLAIN[1], running.mark())
-    time.sleep(PROOF_S)
+    running.rest(PROOF_S)
     try:
         mark = running.mark()
         plumb.type("fault b brown-out")
         running.next(0x081, mark, data=lambda d: d[:2] == b"\x15\xff" and d[7] == 8)
-        time.sleep(0.05)
+        running.rest(0.05)
         assert running.read(1, 0x2020) & 3 == 3, "it measures on"
         mark = running.mark()
-        time.sleep(0.15)
+        running.rest(0.15)
         assert not running.since(mark, PLAIN[1]) and not running.since(mark, INVERTED[1])
     finally:
         plumb.type("heal b")
@@ -306,9 +305,9 @@ def test_gfc_is_obeyed_where_1300h_sets_it(master: Master) -> None:
         commission(master, node)
     run(master)
     master.send(0x001)
-    time.sleep(0.1)
+    master.rest(0.1)
     mark = master.mark()
-    time.sleep(0.2)
+    master.rest(0.2)
     assert not master.since(mark, PLAIN[1]), "the safe state"
     assert master.since(mark, PLAIN[2]), "1300h is 0 there"
 
@@ -325,7 +324,7 @@ def test_a_node_takes_the_other_channels_srdo_and_reports_its_end(
     for node in (1, 2):
         commission(master, node)
     run(master)
-    time.sleep(0.2)
+    master.rest(0.2)
     x, twin = master.read(1, 0x2012, 1), master.read(1, 0x2012, 2)
     assert abs(x - ROLL * 100) < 25
     assert master.read(1, 0x2012, 3) == pytest.approx(PITCH * 100, abs=25)
@@ -334,9 +333,9 @@ def test_a_node_takes_the_other_channels_srdo_and_reports_its_end(
     master.nmt(PRE_OPERATIONAL, 2)
     emcy = master.next(0x081, mark, data=lambda d: d[:2] == b"\x17\xff")
     assert emcy.data[2] & 1
-    time.sleep(0.05)
+    master.rest(0.05)
     mark = master.mark()
-    time.sleep(0.1)
+    master.rest(0.1)
     assert not master.since(mark, PLAIN[1]), "a failed SRDO is a reason for silence"
 
 
@@ -351,9 +350,9 @@ def test_a_safety_frame_that_never_comes_is_told_and_ends_the_own_ones(master: M
     mark = master.mark()
     run(master)
     master.next(0x081, mark, data=lambda d: d[:2] == b"\x17\xff")
-    time.sleep(0.05)
+    master.rest(0.05)
     mark = master.mark()
-    time.sleep(0.2)
+    master.rest(0.2)
     assert not master.since(mark, PLAIN[1]) and not master.since(mark, INVERTED[1])
 
 
@@ -363,7 +362,7 @@ def test_safety_frames_do_not_begin_in_operational(master: Master) -> None:
     run(master)
     mark = master.mark()
     assert master.refusal(1, 0x63FE, 0, bytes([VALID])) == WRONG_STATE
-    time.sleep(0.2)
+    master.rest(0.2)
     assert master.read(1, 0x63FE) == 0 and not master.since(mark, PLAIN[1])
 
 

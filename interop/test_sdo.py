@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import binascii
 import struct
-import time
 from typing import Iterator
 
 import pytest
@@ -60,7 +59,7 @@ def unanswered(master: Master, request: bytes) -> None:
     """Sends a frame that must get no answer."""
     mark = master.mark()
     master.send(REQUEST, request)
-    time.sleep(0.05)
+    master.rest(0.05)
     assert not master.since(mark, ANSWER)
 
 
@@ -110,7 +109,7 @@ def test_strings_by_every_way_are_the_same(master: Master, index: int) -> None:
 def test_a_segment_may_be_late_but_not_by_more_than_the_time_out(master: Master) -> None:
     """25 ms, as another stack had it, is no patience for a master on a busy machine."""
     ask(master, begin(0x40, 0x1008))
-    time.sleep(1.0)
+    master.rest(1.0)
     assert ask(master, b"\x60")[0] == 0x00
     mark = master.mark()
     frame = master.next(ANSWER, mark, timeout=5)
@@ -189,7 +188,7 @@ def test_stopped_means_no_answer_at_all(master: Master) -> None:
     master.nmt(STOP, 1)
     unanswered(master, begin(0x40, 0x1000).ljust(8, b"\0"))
     master.nmt(START, 1)
-    time.sleep(0.02)
+    master.rest(0.02)
     assert ask(master, begin(0x40, 0x1000))[0] == 0x43
 
 
@@ -197,7 +196,7 @@ def test_a_transfer_does_not_outlive_stopped(master: Master) -> None:
     ask(master, begin(0x40, 0x1008))
     master.nmt(STOP, 1)
     master.nmt(START, 1)
-    time.sleep(0.02)
+    master.rest(0.02)
     assert reason(ask(master, b"\x60")) == COMMAND
 
 

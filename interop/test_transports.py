@@ -58,7 +58,7 @@ def bus(request: pytest.FixtureRequest, plumb: Plumb) -> Iterator[can.BusABC]:
         yield bus
 
 
-def received(bus: can.BusABC, identifier: int, seconds: float = 2.0) -> can.Message | None:
+def received(bus: can.BusABC, identifier: int, seconds: float = 30.0) -> can.Message | None:
     """The next frame with this identifier; `None` when none comes."""
     end = time.monotonic() + seconds
     while time.monotonic() < end:
@@ -81,9 +81,9 @@ def test_a_canopen_network_works_by_every_way(bus: can.BusABC) -> None:
     network = canopen.Network(bus)
     network.connect()
     node = network.add_node(1, canopen.ObjectDictionary())
-    node.sdo.RESPONSE_TIMEOUT = 2.0
+    node.sdo.RESPONSE_TIMEOUT = 30.0
     assert node.sdo.upload(0x1008, 0) == b"Plumb inclinometer"
-    assert node.nmt.wait_for_heartbeat(2) == "PRE-OPERATIONAL"
+    assert node.nmt.wait_for_heartbeat(30) == "PRE-OPERATIONAL"
     network.notifier.stop(1)
 
 
@@ -137,7 +137,7 @@ def test_extended_identifiers_pass_and_are_no_node_s(master: Master, bus: can.Bu
     frame = can.Message(arbitration_id=0x1234_0601, data=IDENTITY, is_extended_id=True)
     bus.send(frame)
     until(lambda: [f for f in master.frames[mark:] if f.is_extended_id], "the frame")
-    time.sleep(0.1)
+    master.rest(0.1)
     assert not master.since(mark, 0x581)
 
 
@@ -172,15 +172,15 @@ def test_a_remote_frame_passes_over_slcan_and_cannot_over_socketcand(plumb: Plum
         with socketcand_client(plumb) as bus:
             bus.send(request)
             with pytest.raises(can.CanError):
-                received(bus, 0x701, 1.0)
+                received(bus, 0x701)
         assert not master.since(mark, 0x701)
         master.reset(1, 0x82)
 
 
 def test_slcan_adapters_answer_what_tools_ask_first(plumb: Plumb) -> None:
     with tcp_adapter(plumb) as adapter:
-        assert adapter.get_version(1) == (1, 0)
-        assert adapter.get_serial_number(1) == "PLMB"
+        assert adapter.get_version(30) == (1, 0)
+        assert adapter.get_serial_number(30) == "PLMB"
 
 
 def test_a_terminal_is_as_new_for_the_next_client(plumb: Plumb) -> None:
@@ -191,7 +191,7 @@ def test_a_terminal_is_as_new_for_the_next_client(plumb: Plumb) -> None:
 
 
 def test_another_bus_is_refused_by_name(plumb: Plumb) -> None:
-    with socket.create_connection(("127.0.0.1", plumb.port), 2) as raw:
+    with socket.create_connection(("127.0.0.1", plumb.port), 30) as raw:
         assert raw.recv(64) == b"< hi >"
         raw.sendall(b"< open vcan7 >")
         answer = raw.recv(200).decode()
@@ -199,9 +199,9 @@ def test_another_bus_is_refused_by_name(plumb: Plumb) -> None:
 
 
 def test_garbage_from_one_client_harms_no_other(plumb: Plumb, master: Master) -> None:
-    with socket.create_connection(("127.0.0.1", plumb.port), 2) as raw:
+    with socket.create_connection(("127.0.0.1", plumb.port), 30) as raw:
         raw.sendall(bytes(range(256)) * 50)
-    with socket.create_connection(places(plumb)[0].split(":"), 2) as raw:
+    with socket.create_connection(places(plumb)[0].split(":"), 30) as raw:
         raw.sendall(bytes(range(256)) * 50)
     assert master.read(1, 0x1018, 4) == 1
 
@@ -209,7 +209,7 @@ def test_garbage_from_one_client_harms_no_other(plumb: Plumb, master: Master) ->
 def test_a_client_that_does_not_read_is_dropped_and_the_bus_goes_on(
     plumb: Plumb, master: Master
 ) -> None:
-    lazy = socket.create_connection(("127.0.0.1", plumb.port), 2)
+    lazy = socket.create_connection(("127.0.0.1", plumb.port), 30)
     lazy.sendall(b"< open plumb >< rawmode >")
     for _ in range(20):
         for _ in range(50):
@@ -220,7 +220,7 @@ def test_a_client_that_does_not_read_is_dropped_and_the_bus_goes_on(
 
 def test_a_port_in_use_is_named_with_exit_status_2(plumb: Plumb) -> None:
     command = [PLUMB, "serve", "--uncalibrated", "--listen", f"127.0.0.1:{plumb.port}"]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=20)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
     assert done.returncode == 2 and done.stdout == ""
     assert str(plumb.port) in done.stderr and len(done.stderr.splitlines()) == 1
 
@@ -228,9 +228,9 @@ def test_a_port_in_use_is_named_with_exit_status_2(plumb: Plumb) -> None:
 def test_clients_learn_that_the_server_has_ended() -> None:
     """python-can's client spins for ever on a dead server; the connection itself tells."""
     with Plumb("--uncalibrated") as own:
-        with socket.create_connection(("127.0.0.1", own.port), 2) as raw:
+        with socket.create_connection(("127.0.0.1", own.port), 30) as raw:
             own.type("quit")
-            raw.settimeout(5)
+            raw.settimeout(30)
             while raw.recv(4096):
                 pass
-        assert own.process.wait(5) == 0
+        assert own.process.wait(30) == 0

@@ -12,7 +12,7 @@ from typing import Callable, Iterator
 
 import canopen
 import pytest
-from master import PLUMB, START, Master, Plumb, until
+from master import PATIENCE, PLUMB, START, Master, Plumb, until
 from test_sdo import abort, ask, begin, crc, reason, unanswered
 
 pytestmark = pytest.mark.virtual("its images are programs of the simulation")
@@ -304,7 +304,7 @@ def update(plumb: Plumb, image: pathlib.Path, *more: str) -> subprocess.Popen[st
 
 def ended(running: subprocess.Popen[str], master: Master, timeout: float) -> tuple[str, str]:
     """What the program has printed until its end; the master has then received its answers."""
-    printed = running.communicate(timeout=timeout)
+    printed = running.communicate(timeout=PATIENCE * timeout)
     master.settle()
     return printed
 

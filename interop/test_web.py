@@ -109,6 +109,22 @@ def picture(browser: webdriver.Chrome, folder: pathlib.Path, name: str) -> pathl
     return path
 
 
+def is_as_sent(browser: webdriver.Chrome, master: Master, channel: int) -> bool:
+    """Whether what is shown was sent, to the last digit, and is where the housing stands."""
+    mark = len(master.frames)
+    time.sleep(0.6)
+    shown = angles(browser, channel)
+    time.sleep(0.1)
+    sent = [f.data for f in master.frames[mark:] if f.arbitration_id == 0x181 + channel]
+    for axis, truth in ((0, 12.0), (1, -7.0)):
+        raw = {int.from_bytes(d[2 * axis : 2 * axis + 2], "little", signed=True) for d in sent}
+        if shown[axis] not in {f"{count / 100:+.3f}" for count in raw}:
+            return False
+        if float(shown[axis]) != pytest.approx(truth, abs=0.3):
+            return False
+    return True
+
+
 def test_both_angles_are_those_of_the_bus_and_nobody_else_is_asked(
     browser: webdriver.Chrome, plumb: Plumb, monitor: Monitor, tmp_path: pathlib.Path
 ) -> None:
@@ -117,34 +133,25 @@ def test_both_angles_are_those_of_the_bus_and_nobody_else_is_asked(
     plumb.turn(-7, 12)
     master = Master(plumb)
     time.sleep(1.5)
-    for channel, node in ((0, 1), (1, 2)):
-        mark = len(master.frames)
-        time.sleep(0.6)
-        shown = angles(browser, channel)
-        time.sleep(0.1)
-        sent = [f.data for f in master.frames[mark:] if f.arbitration_id == 0x180 + node]
-        for axis, truth in ((0, 12.0), (1, -7.0)):
-            raw = {int.from_bytes(d[2 * axis : 2 * axis + 2], "little", signed=True) for d in sent}
-            # What is shown was sent, to the last digit, and is where the housing stands.
-            assert shown[axis] in {f"{count / 100:+.3f}" for count in raw}
-            assert float(shown[axis]) == pytest.approx(truth, abs=0.3)
+    for channel in (0, 1):
+        # A busy machine may show later what was sent before.
+        until(lambda: is_as_sent(browser, master, channel), f"channel {channel} as it was sent")
     assert "inside its band" in text(browser, "#pair")
     assert re.search(r"\d+\.\d % of 250 kbit/s", text(browser, "#bus"))
     assert "degC" in text(browser, "#channel1")
     for _ in range(2):
         browser.find_element("css selector", "[data-axis='1']").click()
         browser.find_element("css selector", "[data-span='600']").click()
-    time.sleep(2.5)
     ink = "const c = document.getElementById('housing'); return c.getContext('2d')" \
         ".getImageData(0, 0, c.width, c.height).data.some((v) => v !== 0)"
-    assert browser.execute_script(ink)
-    assert browser.execute_script("return document.querySelectorAll('.uplot canvas').length") == 2
+    until(lambda: browser.execute_script(ink), "the housing")
+    plots = "return document.querySelectorAll('.uplot canvas').length"
+    until(lambda: browser.execute_script(plots) == 2, "two plots")
     picture(browser, tmp_path, "agree")
     browser.set_window_size(*PHONE)
-    time.sleep(0.5)
-    picture(browser, tmp_path, "phone")
     wide = "return document.documentElement.scrollWidth - document.documentElement.clientWidth"
-    assert browser.execute_script(wide) <= 0, "the page is wider than a phone"
+    until(lambda: browser.execute_script(wide) <= 0, "a page that is no wider than a phone")
+    picture(browser, tmp_path, "phone")
     assert complaints(browser) == []
     asked = requests(browser)
     assert any(url.endswith("/events") for url in asked)
@@ -180,7 +187,7 @@ def test_when_nothing_comes_the_page_states_it_and_shows_no_number(
     assert angles(browser, 0) == ["--", "--"]
     assert "valid" not in text(browser, "#channel0 dl").replace("validity", "")
     assert "not known" in text(browser, "#verdict")
-    assert monitor.process.wait(10) == 2
+    assert monitor.process.wait(60) == 2
     picture(browser, tmp_path, "gone")
     assert complaints(browser) == []
 

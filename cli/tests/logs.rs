@@ -2,15 +2,14 @@
 
 use std::fmt::Write as _;
 use std::io::{Read, Write};
-use std::net::TcpStream;
 use std::process::{Output, Stdio};
-use std::time::{Duration, Instant};
 
 use flate2::{Compression, write::GzEncoder};
 use serde_json::Value;
 
 mod program;
 
+use program::listener::Listener;
 use program::{Folder, Served, plumb};
 
 fn gzip(text: &str) -> Vec<u8> {
@@ -490,35 +489,6 @@ fn memory_does_not_grow_with_the_log() {
     assert!(long < short + 1000, "{short} kB, then {long} kB");
 }
 
-/// A client of socketcand that listens.
-fn listener(at: &str) -> TcpStream {
-    let mut stream = TcpStream::connect(at).unwrap();
-    stream
-        .set_read_timeout(Some(Duration::from_millis(200)))
-        .unwrap();
-    let mut told = [0; 256];
-    for word in ["< open plumb >", "< rawmode >"] {
-        let _ = stream.read(&mut told);
-        stream.write_all(word.as_bytes()).unwrap();
-    }
-    std::thread::sleep(Duration::from_millis(200));
-    stream
-}
-
-/// All that comes until nothing has come for a moment.
-fn heard(stream: &mut TcpStream) -> String {
-    let mut text = Vec::new();
-    let mut piece = [0; 4096];
-    let until = Instant::now() + Duration::from_secs(3);
-    while Instant::now() < until {
-        match stream.read(&mut piece) {
-            Ok(0) | Err(_) => break,
-            Ok(count) => text.extend_from_slice(&piece[..count]),
-        }
-    }
-    String::from_utf8_lossy(&text).into_owned()
-}
-
 #[test]
 fn a_log_goes_onto_a_bus_at_its_own_pace() {
     let (folder, served) = (Folder::new(), Served::start(&["--uncalibrated"]));
@@ -532,15 +502,19 @@ fn a_log_goes_onto_a_bus_at_its_own_pace() {
         .unwrap();
     }
     let log = folder.file("a.log", &text);
-    let mut stream = listener(&served.bus());
+    let mut listener = Listener::join(&served.bus());
     let onto = ["--onto", &served.bus()];
-    let played = json(&[&log, onto[0], onto[1], "--speed", "2"]);
-    assert_eq!(number(&played, "/sent"), 51.0);
-    // 0.98 s at twice the speed, and what the machine makes of it.
-    let elapsed = number(&played, "/elapsed_s");
-    assert!((0.49..3.0).contains(&elapsed), "{elapsed}");
-    let frames = heard(&mut stream).matches("frame 123 ").count();
-    assert_eq!(frames, 51);
+    // 0.98 s at twice the speed, and what the machine makes of it: the best of some counts, since a
+    // busy one makes single plays longer and none shorter.
+    let mut play = || {
+        let played = json(&[&log, onto[0], onto[1], "--speed", "2"]);
+        assert_eq!(number(&played, "/sent"), 51.0);
+        assert_eq!(listener.counts(0x123, 51), 51);
+        let elapsed = number(&played, "/elapsed_s");
+        assert!(elapsed >= 0.49, "{elapsed}");
+        elapsed
+    };
+    assert!((0..10).any(|_| play() < 3.0));
     // A gap of an hour is over at once, and what comes of it is told.
     let gap = folder.file(
         "gap.log",
@@ -571,15 +545,14 @@ fn a_log_that_is_played_for_ever_ends_with_the_bus() {
         "a.log",
         "(1700000000.0) can0 123#00\n(1700000000.02) can0 123#01\n",
     );
-    let mut stream = listener(&served.bus());
+    let mut listener = Listener::join(&served.bus());
     let mut endless = plumb(&["replay", &log, "--loop", "--onto", &served.bus()])
         .stdout(Stdio::null())
         .stderr(Stdio::piped())
         .spawn()
         .unwrap();
-    std::thread::sleep(Duration::from_millis(800));
+    assert!(listener.counts(0x123, 5) > 4);
     assert!(endless.try_wait().unwrap().is_none());
-    assert!(heard(&mut stream).matches("frame 123 ").count() > 4);
     drop(served);
     let (status, _, err) = said(&endless.wait_with_output().unwrap());
     assert_eq!(status, Some(2), "{err}");

@@ -39,7 +39,7 @@ impl Bench {
     /// Writes down what is on the bus until a fault has been told and some SYNCs have passed.
     fn record(&mut self) {
         let mut bus = TcpStream::connect(&self.bus).unwrap();
-        bus.set_read_timeout(Some(Duration::from_secs(20))).unwrap();
+        bus.set_read_timeout(Some(Duration::from_secs(60))).unwrap();
         let mut text = String::new();
         for (order, answer) in [("", "hi"), ("< open plumb >", "ok"), ("< rawmode >", "ok")] {
             bus.write_all(order.as_bytes()).unwrap();

@@ -10,7 +10,8 @@ mod program;
 
 use program::{Folder, Served, plumb};
 
-const SOON: Duration = Duration::from_secs(10);
+/// Long enough for a machine that is busy with others; what is waited for ends the wait.
+const SOON: Duration = Duration::from_secs(60);
 
 fn command(arguments: &[&str]) -> Command {
     plumb(&[&["serve"], arguments].concat())

@@ -14,7 +14,7 @@ use program::Served;
 
 const PLUMB: &str = env!("CARGO_BIN_EXE_plumb");
 
-const SOON: Duration = Duration::from_secs(20);
+const SOON: Duration = Duration::from_secs(60);
 
 fn text(bytes: &[u8]) -> String {
     String::from_utf8(bytes.to_vec()).unwrap()

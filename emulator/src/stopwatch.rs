@@ -50,11 +50,12 @@ mod tests {
     fn work_takes_time_and_no_more_than_the_wall_has_seen() {
         let (watch, wall) = (Stopwatch::start(), Instant::now());
         let mut sum = 0u64;
-        while wall.elapsed() < Duration::from_millis(20) {
+        // Until it has seen some work: a busy machine may give the time of the wall to others.
+        while watch.seconds() < 2e-3 && wall.elapsed() < Duration::from_secs(60) {
             sum = std::hint::black_box(sum + 1);
         }
         let taken = watch.seconds();
-        assert!(taken > 1e-4, "{taken}");
+        assert!(taken >= 2e-3, "{taken}");
         assert!(taken <= wall.elapsed().as_secs_f64() + 0.01, "{taken}");
     }
 }

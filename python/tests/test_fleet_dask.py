@@ -54,7 +54,7 @@ def scheduler() -> Iterator[str]:
     )
     del os.environ["DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES"]
     with Client(cluster.scheduler_address, set_as_default=False) as client:
-        client.wait_for_workers(2, timeout=30)
+        client.wait_for_workers(2, timeout=120)
         yield cluster.scheduler_address
     cluster.close()
 
@@ -137,9 +137,9 @@ sys.exit(__main__.main([*sys.argv[1:], "--workers", "2"]))
     started = psutil.Process(process.pid).children(recursive=True)
     assert len(started) >= 5
     process.send_signal(ending)
-    _, alive = psutil.wait_procs(started, timeout=10)
+    _, alive = psutil.wait_procs(started, timeout=60)
     assert not alive
-    said = process.communicate(timeout=10)[1].decode()
+    said = process.communicate(timeout=60)[1].decode()
     if ending is not signal.SIGKILL:
         assert process.returncode == 130
         assert said == "plumb.fleet: interrupted: what is finished is kept, run again\n"

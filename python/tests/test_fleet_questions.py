@@ -353,7 +353,7 @@ def test_a_synthetic_fleet_is_the_same_by_its_seed(tmp_path: pathlib.Path) -> No
     for name in ("one", "two"):
         words = ["--machines", "2", "--days", "3", "--seed", "5", "--seconds", "4"]
         command = [sys.executable, "-m", "plumb.fleet.synthetic", str(tmp_path / name), *words]
-        done = subprocess.run(command, capture_output=True, text=True, timeout=60)
+        done = subprocess.run(command, capture_output=True, text=True, timeout=300)
         assert done.returncode == 0, done.stderr
 
     def contents(name: str) -> dict[str, bytes]:

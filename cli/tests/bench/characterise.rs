@@ -265,7 +265,7 @@ fn a_run_cut_at_each_dwell_with_its_motor_left_turned_comes_to_its_end() {
         if place == 2 {
             bench.word("power all off");
             bench.word("power all on");
-            std::thread::sleep(Duration::from_millis(400));
+            bench.pass(0.4);
         }
     }
     assert_eq!(bench.kept(), before);
@@ -395,7 +395,7 @@ fn a_person_sets_the_chamber_and_turns_the_housing() {
         if let Some((_, degc)) = line.split_once("set the chamber to ") {
             let (degc, then) = degc.split_once(" degC").unwrap();
             bench.word(&format!("temp {degc}"));
-            std::thread::sleep(Duration::from_millis(300));
+            bench.pass(0.3);
             if then.contains("press Enter") {
                 writeln!(answers).unwrap();
             }
@@ -405,7 +405,7 @@ fn a_person_sets_the_chamber_and_turns_the_housing() {
             bench.word("level");
             bench.word(&format!("roll {roll}"));
             bench.word(&format!("pitch {pitch}"));
-            std::thread::sleep(Duration::from_millis(100));
+            bench.pass(0.1);
             writeln!(answers).unwrap();
         }
     }

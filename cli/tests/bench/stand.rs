@@ -2,7 +2,6 @@
 
 use std::fs;
 use std::process::Command;
-use std::time::Duration;
 
 pub use crate::program::{plumb, said};
 
@@ -15,6 +14,8 @@ pub struct Bench {
     pub motor: String,
     pub chamber: String,
     folder: Folder,
+    /// How fast the bus is.
+    speed: f64,
 }
 
 impl Bench {
@@ -24,13 +25,15 @@ impl Bench {
         let bus = ["--speed", speed, "--bit-rate", "1000"];
         let mut served = Served::start(&[&devices[..], &bus, more].concat());
         let (motor, chamber) = (served.behind("--motor "), served.behind("--chamber "));
-        std::thread::sleep(Duration::from_millis(400));
+        let times: f64 = speed.parse().unwrap();
+        served.pass(0.4 * times);
         Self {
             bus: served.bus(),
             served,
             motor,
             chamber,
             folder: Folder::new(),
+            speed: times,
         }
     }
 
@@ -61,6 +64,12 @@ impl Bench {
 
     pub fn word(&mut self, words: &str) {
         self.served.word(words);
+    }
+
+    /// Lets pass what is so much time, s, on a machine that keeps up with the bus; what was typed
+    /// before has been carried out by then.
+    pub fn pass(&mut self, seconds: f64) {
+        self.served.pass(seconds * self.speed);
     }
 }
 

@@ -4,13 +4,13 @@ use std::io::Write as _;
 use std::path::PathBuf;
 use std::process::Stdio;
 use std::sync::atomic::{AtomicU32, Ordering};
-use std::time::Duration;
 
 use serde_json::Value;
 
 pub use crate::program::{Said, plumb, said};
 
 use crate::program::Served;
+use crate::program::listener::Listener;
 
 /// A bus with an instrument; gone with it.
 pub struct Bench {
@@ -21,9 +21,9 @@ pub struct Bench {
 impl Bench {
     /// With these options of `plumb serve`.
     pub fn new(more: &[&str]) -> Self {
-        let served = Served::start(&[&["--bit-rate", "250"], more].concat());
+        let mut served = Served::start(&[&["--bit-rate", "250"], more].concat());
         // Sensors have to settle before an angle is valid.
-        std::thread::sleep(Duration::from_millis(1200));
+        served.pass(1.2);
         let bus = served.bus();
         Self { served, bus }
     }
@@ -69,32 +69,42 @@ impl Bench {
         self.served.word(word);
     }
 
-    /// Changes the bit rate of all nodes to 500 kbit/s, and that of the adapter so much later, ms:
-    /// the one of `plumb serve` is told by hand, as any other. What the verb has printed.
-    pub fn at_500_kbit(&mut self, more: &[&str], adapter_ms: u64) -> String {
+    /// Lets so many seconds of the bus pass, behind what was typed.
+    pub fn pass(&mut self, seconds: f64) {
+        self.served.pass(seconds);
+    }
+
+    /// Changes the bit rate of all nodes to 500 kbit/s, and that of the adapter so much later than
+    /// the command to change, s: the one of `plumb serve` is told by hand, as any other. What the
+    /// verb has printed.
+    pub fn at_500_kbit(&mut self, more: &[&str], adapter_s: f64) -> String {
         let words = [&["bitrate", "500", "--bus", &self.bus], more].concat();
+        let mut listener = Listener::join(&self.bus);
         let change = plumb(&words).stdout(Stdio::piped()).spawn().unwrap();
-        std::thread::sleep(Duration::from_millis(adapter_ms));
-        self.word("bit-rate 500");
+        // LSS "activate bit timing": a machine that is busy may be long on its way to it.
+        listener.hears(0x7E5, &[0x15]);
+        self.word(&format!("+{adapter_s} bit-rate 500"));
         let (status, out, err) = said(&change.wait_with_output().unwrap());
         assert_eq!(status, Some(0), "{err}");
         out
     }
 
     /// An NMT command, by hand.
-    pub fn nmt(&self, command: u8, node: u8) {
+    pub fn nmt(&mut self, command: u8, node: u8) {
         self.send(0, &[command, node]);
     }
 
     /// A frame, by hand over socketcand; the nodes have taken it then.
-    pub fn send(&self, id: u16, data: &[u8]) {
+    pub fn send(&mut self, id: u16, data: &[u8]) {
         use std::net::TcpStream;
+        let mut listener = Listener::join(&self.bus);
         let mut stream = TcpStream::connect(&self.bus).unwrap();
         let bytes: String = data.iter().map(|byte| format!(" {byte:X}")).collect();
         let length = data.len();
         let command = format!("< open plumb >< rawmode >< send {id:X} {length}{bytes} >");
         stream.write_all(command.as_bytes()).unwrap();
-        std::thread::sleep(Duration::from_millis(700));
+        listener.hears(id.into(), data);
+        self.pass(0.7);
     }
 }
 

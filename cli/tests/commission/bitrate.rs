@@ -1,8 +1,5 @@
 //! Changes of the bit rate that are refused, interrupted, or follow an interrupted one.
 
-use std::thread::sleep;
-use std::time::Duration;
-
 use super::bench::*;
 use super::watch::*;
 
@@ -26,7 +23,7 @@ fn at(bench: &Bench, command: &'static [u8; 1]) -> Interrupted {
 fn bitrate_changed_half_an_instrument_without_a_word() {
     let mut bench = Bench::quick(&[]);
     bench.word("power b off");
-    sleep(Duration::from_millis(500));
+    bench.pass(0.5);
     let told = bench.refused(&["bitrate", "500"]);
     assert!(
         told.contains("node 2, the other channel of node 1, does not answer")
@@ -37,7 +34,7 @@ fn bitrate_changed_half_an_instrument_without_a_word() {
     bench.nmt(RESET, 0);
     let got = bench.run(&["bitrate"]).1;
     assert_eq!(got, "node 1: 250 kbit/s");
-    let out = bench.at_500_kbit(&["--force"], 3500);
+    let out = bench.at_500_kbit(&["--force"], 0.75);
     assert!(
         out.contains("\nnode 1: 500 kbit/s, changed and stored"),
         "{out}"
@@ -49,8 +46,8 @@ fn bitrate_changed_half_an_instrument_without_a_word() {
 fn bitrate_by_force_did_not_name_the_node_that_it_has_not_reached() {
     let mut bench = Bench::quick(&[]);
     bench.word("power b off");
-    sleep(Duration::from_millis(500));
-    let out = bench.at_500_kbit(&["--force", "--json"], 3500);
+    bench.pass(0.5);
+    let out = bench.at_500_kbit(&["--force", "--json"], 0.75);
     let value: serde_json::Value = serde_json::from_str(&out).unwrap();
     assert_eq!(value["nodes"][0]["bit_rate_kbit_s"], 500, "{out}");
     assert_eq!(value["not_reached"], serde_json::json!([2]), "{out}");
@@ -58,7 +55,7 @@ fn bitrate_by_force_did_not_name_the_node_that_it_has_not_reached() {
 
 #[test]
 fn bitrate_interrupted_before_the_change_left_the_new_rate_stored() {
-    let bench = Bench::quick(&[]);
+    let mut bench = Bench::quick(&[]);
     assert_eq!(at(&bench, b"\x17").err, "plumb: interrupted");
     assert_eq!(bench.done(&["bitrate"]), BOTH_AS_BEFORE);
     bench.nmt(RESET, 0);
@@ -86,7 +83,7 @@ fn bitrate_interrupted_behind_the_change_did_not_print_that_the_nodes_have_chang
         "{told}"
     );
     bench.word("bit-rate 500");
-    sleep(Duration::from_millis(500));
+    bench.pass(0.5);
     let got = bench.done(&["bitrate"]);
     assert_eq!(got, "node 1: 500 kbit/s\nnode 2: 500 kbit/s");
 }
@@ -105,7 +102,7 @@ fn bitrate_interrupted_in_the_selection_left_a_node_in_the_configuration_state()
 fn bitrate_did_not_find_a_node_that_was_left_in_the_configuration_state() {
     let mut bench = Bench::quick(&[]);
     bench.send(LSS, &[4, 1, 0, 0, 0, 0, 0, 0]);
-    let out = bench.at_500_kbit(&[], 3500);
+    let out = bench.at_500_kbit(&[], 0.75);
     assert!(
         out.ends_with("node 2: 500 kbit/s, changed and stored"),
         "{out}"

@@ -7,9 +7,6 @@
 //!
 //! Left out: changes of the bit rate (`bitrate`) and of the program (the tests of `update`).
 
-use std::thread;
-use std::time::Duration;
-
 use super::bench::*;
 use crate::program::relay::{self, Next};
 use crate::program::{each_case, interrupt, is_long};
@@ -95,7 +92,7 @@ fn words(verb: usize) -> Vec<&'static str> {
 
 /// An instrument at work.
 fn started() -> Bench {
-    let bench = Bench::quick(&[]);
+    let mut bench = Bench::quick(&[]);
     bench.nmt(START, 0);
     bench
 }
@@ -170,7 +167,7 @@ fn carry_out(case: Case) -> Option<String> {
     };
     if let Event::Off(channel) = case.event {
         bench.word(&format!("power {channel} on"));
-        thread::sleep(Duration::from_millis(1200));
+        bench.pass(1.2);
     }
     let again = bench.run(&words(case.verb));
     let end = Seen::of(&bench, object);

@@ -1,8 +1,5 @@
 //! New node-ids that are interrupted.
 
-use std::thread::sleep;
-use std::time::Duration;
-
 use super::bench::*;
 use super::watch::*;
 
@@ -12,7 +9,7 @@ const RESETS: [u8; 2] = [0x81, 0x82];
 const NEW: [&str; 3] = ["node-id", "--pair", "10,11"];
 
 /// The node-ids on the bus, also after resets of the nodes.
-fn assert_are(bench: &Bench, ids: [u8; 2]) {
+fn assert_are(bench: &mut Bench, ids: [u8; 2]) {
     for command in [None, Some(RESETS[1]), Some(RESETS[0])] {
         if let Some(command) = command {
             bench.nmt(command, 0);
@@ -38,7 +35,7 @@ fn at(bench: &Bench, words: &[&str], at: At) -> String {
 }
 
 /// Interrupts new node-ids there, and expects the old ones.
-fn assert_taken_back(bench: &Bench, there: At) {
+fn assert_taken_back(bench: &mut Bench, there: At) {
     let words = [&NEW[..], &["--node", "1,2"]].concat();
     assert_eq!(at(bench, &words, there), "plumb: interrupted");
     assert_are(bench, [1, 2]);
@@ -46,22 +43,22 @@ fn assert_taken_back(bench: &Bench, there: At) {
 
 #[test]
 fn node_id_interrupted_before_it_was_stored_left_it_pending() {
-    assert_taken_back(&Bench::quick(&[]), At::first(b"\x11"));
+    assert_taken_back(&mut Bench::quick(&[]), At::first(b"\x11"));
 }
 
 #[test]
 fn node_id_interrupted_before_the_reset_left_it_stored() {
-    let bench = Bench::quick(&[]);
-    assert_taken_back(&bench, store(1));
+    let mut bench = Bench::quick(&[]);
+    assert_taken_back(&mut bench, store(1));
     // The first channel has stored its own by then.
-    assert_taken_back(&bench, store(2));
+    assert_taken_back(&mut bench, store(2));
 }
 
 #[test]
 fn node_id_interrupted_on_fresh_nodes_left_one_with_a_node_id() {
-    let bench = Bench::quick(&["--node-ids", "none"]);
+    let mut bench = Bench::quick(&["--node-ids", "none"]);
     assert_eq!(at(&bench, &NEW, store(2)), "plumb: interrupted");
-    sleep(Duration::from_millis(500));
+    bench.pass(0.5);
     let (status, _, told) = bench.run(&["get", "heartbeat"]);
     assert_eq!(status, Some(2), "{told}");
     assert!(
@@ -85,7 +82,7 @@ fn node_id_interrupted_on_a_dead_bus_did_not_print_what_is_stored() {
 
 #[test]
 fn node_id_interrupted_behind_the_reset_did_not_print_that_the_nodes_have_changed() {
-    let bench = Bench::quick(&[]);
+    let mut bench = Bench::quick(&[]);
     let last_reset = At {
         id: 0,
         begin: b"\x82\x02",
@@ -96,5 +93,5 @@ fn node_id_interrupted_behind_the_reset_did_not_print_that_the_nodes_have_change
         told.starts_with("plumb: interrupted; these nodes have their new node-ids: 10, 11;"),
         "{told}"
     );
-    assert_are(&bench, [10, 11]);
+    assert_are(&mut bench, [10, 11]);
 }

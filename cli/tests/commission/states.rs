@@ -14,7 +14,7 @@ fn state(bench: &Bench, place: usize) -> String {
 
 #[test]
 fn a_stopped_node_was_to_be_given_the_stop_that_it_had() {
-    let bench = Bench::quick(&[]);
+    let mut bench = Bench::quick(&[]);
     bench.nmt(STOP, 1);
     bench.done(&["save", "--stop", "--node", "1"]);
     assert_eq!(state(&bench, 0), "stopped");
@@ -31,7 +31,7 @@ fn a_stopped_node_was_to_be_given_the_stop_that_it_had() {
 
 #[test]
 fn the_remedy_for_a_stopped_node_was_what_had_just_been_typed() {
-    let bench = Bench::quick(&[]);
+    let mut bench = Bench::quick(&[]);
     bench.nmt(STOP, 1);
     let told = bench.refused(&["info", "1"]);
     assert!(told.contains("000#8001"), "{told}");
@@ -49,7 +49,7 @@ fn the_remedy_for_a_stopped_node_was_what_had_just_been_typed() {
 
 #[test]
 fn calibrate_did_not_print_that_a_node_is_stopped() {
-    let bench = Bench::quick(&[]);
+    let mut bench = Bench::quick(&[]);
     bench.nmt(STOP, 2);
     let file = Scratch::new();
     let path = file.0.display().to_string();
@@ -66,7 +66,7 @@ fn a_stopped_node_was_to_be_left_behind_by_a_change_of_the_bit_rate() {
         told.contains("STOPPED") && told.contains("them: 1;") && told.contains("--stop"),
         "{told}"
     );
-    let out = bench.at_500_kbit(&["--stop"], 3500);
+    let out = bench.at_500_kbit(&["--stop"], 0.75);
     assert!(
         out.contains("node 1: 500 kbit/s, changed and stored"),
         "{out}"
@@ -76,7 +76,7 @@ fn a_stopped_node_was_to_be_left_behind_by_a_change_of_the_bit_rate() {
 
 #[test]
 fn an_operational_node_was_asked_for_its_twin_by_node_id() {
-    let bench = Bench::quick(&[]);
+    let mut bench = Bench::quick(&[]);
     bench.nmt(START, 0);
     let one = ["node-id", "7", "--node", "1"];
     let both = ["node-id", "--pair", "10,11", "--node", "1,2"];
@@ -96,7 +96,7 @@ fn an_operational_node_was_asked_for_its_twin_by_node_id() {
 
 #[test]
 fn the_other_channel_was_left_in_pre_operational_by_node_id() {
-    let bench = Bench::new(&[]);
+    let mut bench = Bench::new(&[]);
     bench.nmt(START, 2);
     let done = bench.done(&["node-id", "7", "--node", "1"]);
     assert!(done.contains("nodes 7 and 2 compare"), "{done}");

@@ -132,7 +132,7 @@ fn a_value_is_checked_written_once_read_back_and_told_to_be_unsaved() {
 
 #[test]
 fn a_zero_counts_on_both_channels_and_outlasts_a_reset() {
-    let bench = Bench::quick(&[]);
+    let mut bench = Bench::quick(&[]);
     let zeroed = bench.json(&["zero"]);
     let slopes = zeroed["slopes"].as_array().unwrap();
     assert_eq!(slopes.len(), 4);
@@ -177,14 +177,14 @@ fn a_preset_without_scaling_was_stored_and_not_shown() {
 
 #[test]
 fn a_pair_of_which_one_node_was_zeroed_alone_could_not_be_zeroed_any_more() {
-    let bench = Bench::quick(&[]);
+    let mut bench = Bench::quick(&[]);
     bench.nmt(1, 0);
-    std::thread::sleep(std::time::Duration::from_secs(2));
+    bench.pass(2.0);
     let alone = ["zero", "--to", "45deg", "--axis", "x", "--node", "1"];
     let told = bench.done(&alone);
     let warning = "node 2, the other channel of node 1, was not zeroed";
     assert!(told.contains(warning), "{told}");
-    std::thread::sleep(std::time::Duration::from_secs(3));
+    bench.pass(3.0);
     let got = bench.json(&["get", "2025.1", "--node", "2"]);
     assert_eq!(got["objects"][0]["raw"], 20, "{got}");
     let zeroed = bench.json(&["zero"]);
@@ -200,7 +200,7 @@ fn a_pair_of_which_one_node_was_zeroed_alone_could_not_be_zeroed_any_more() {
 fn without_a_valid_angle_a_zero_prints_why() {
     let mut bench = Bench::quick(&[]);
     bench.word("fault b stuck");
-    std::thread::sleep(Duration::from_millis(800));
+    bench.pass(0.8);
     let told = bench.refused(&["zero"]);
     assert!(told.contains("node 2 has no valid slope-long ("), "{told}");
     assert!(told.contains("nothing was zeroed"), "{told}");
@@ -218,7 +218,7 @@ fn half_done((status, out, err): Said) -> (String, String) {
 fn half_an_instrument_was_zeroed_without_a_word() {
     let mut bench = Bench::quick(&[]);
     bench.word("power b off");
-    std::thread::sleep(Duration::from_millis(500));
+    bench.pass(0.5);
     let verbs: [&[&str]; 4] = [
         &["zero"],
         &["save"],
@@ -251,7 +251,7 @@ fn half_an_instrument_was_zeroed_without_a_word() {
 fn what_was_written_before_a_node_failed_was_not_in_the_json() {
     let mut bench = Bench::quick(&[]);
     bench.word("power b off");
-    std::thread::sleep(Duration::from_millis(500));
+    bench.pass(0.5);
     let words = ["set", "heartbeat", "300ms", "--node", "1,2", "--json"];
     let (out, err) = half_done(bench.run(&words));
     let set: Value = serde_json::from_str(&out).unwrap();
@@ -280,7 +280,7 @@ fn a_refusal_in_a_table_ended_with_status_0() {
 fn where_frames_got_lost_one_of_two_channels_was_left_out() {
     let mut bench = Bench::quick(&[]);
     bench.word("bus loss 0.3");
-    std::thread::sleep(Duration::from_millis(300));
+    bench.pass(0.3);
     for _ in 0..4 {
         let (status, out, err) = bench.run(&["get", "slope-long"]);
         match status {
@@ -305,7 +305,7 @@ fn an_operational_node_was_to_be_left_behind_by_force() {
         );
         assert!(!told.contains("--force"), "{told}");
     }
-    let out = bench.at_500_kbit(&["--stop"], 3500);
+    let out = bench.at_500_kbit(&["--stop"], 0.75);
     assert!(
         out.ends_with("node 2: 500 kbit/s, changed and stored"),
         "{out}"
@@ -319,7 +319,7 @@ fn an_operational_node_was_to_be_left_behind_by_force() {
 fn on_a_dead_bus_node_id_asked_for_a_name() {
     let mut bench = Bench::quick(&[]);
     bench.word("power all off");
-    std::thread::sleep(Duration::from_millis(500));
+    bench.pass(0.5);
     let told = bench.refused(&["node-id", "--pair", "3,4"]);
     assert!(
         told.contains("no frame is received on socketcand://"),
@@ -331,7 +331,7 @@ fn on_a_dead_bus_node_id_asked_for_a_name() {
 fn a_preset_without_an_angle_was_told_to_need_pre_operational() {
     let mut bench = Bench::quick(&[]);
     bench.word("fault b stuck");
-    std::thread::sleep(Duration::from_millis(800));
+    bench.pass(0.8);
     let told = bench.refused(&["set", "slope-long.preset", "0deg", "--node", "2"]);
     assert!(
         told.contains("without a valid angle, and there is none ("),
@@ -342,7 +342,7 @@ fn a_preset_without_an_angle_was_told_to_need_pre_operational() {
 
 #[test]
 fn operational_nodes_store_nothing_unless_they_may_be_stopped() {
-    let bench = Bench::quick(&[]);
+    let mut bench = Bench::quick(&[]);
     bench.nmt(1, 0);
     let told = bench.refused(&["save", "--node", "1"]);
     assert!(
@@ -361,7 +361,7 @@ fn operational_nodes_store_nothing_unless_they_may_be_stopped() {
 
 #[test]
 fn two_fresh_nodes_get_their_node_ids_and_find_each_other() {
-    let bench = Bench::new(&["--node-ids", "none"]);
+    let mut bench = Bench::new(&["--node-ids", "none"]);
     let told = bench.refused(&["get", "heartbeat"]);
     assert!(
         told.contains("a node without a node-id is on the bus"),
@@ -469,7 +469,7 @@ fn all_nodes_change_their_bit_rate_together() {
     );
     let told = bench.refused(&["bitrate", "500", "--node", "1"]);
     assert!(told.contains("a bus has one bit rate"), "{told}");
-    let out = bench.at_500_kbit(&["--delay", "300"], 2500);
+    let out = bench.at_500_kbit(&["--delay", "300"], 0.45);
     assert!(
         out.ends_with("node 2: 500 kbit/s, changed and stored"),
         "{out}"
@@ -481,7 +481,7 @@ fn all_nodes_change_their_bit_rate_together() {
     );
     // An adapter with another rate hears nothing, and that is said.
     bench.word("bit-rate 250");
-    std::thread::sleep(Duration::from_millis(100));
+    bench.pass(0.1);
     let told = bench.refused(&["get", "heartbeat", "--node", "1"]);
     assert!(told.contains("or the bit rate is another one"), "{told}");
 }

@@ -1,8 +1,5 @@
 //! A verb on the bus that is interrupted at one of its frames.
 
-use std::thread::sleep;
-use std::time::Duration;
-
 use super::bench::*;
 use crate::program::interrupt;
 use crate::program::relay::{self, Next};
@@ -42,7 +39,7 @@ pub fn interrupted_on_a_dead_bus(bench: &mut Bench, words: &[&str], at: At) -> S
     let bus = bench.bus.clone();
     let dies = || {
         bench.word("power all off");
-        sleep(Duration::from_millis(200));
+        bench.pass(0.2);
     };
     interrupted_behind(&bus, words, at, dies).err
 }

@@ -7,7 +7,6 @@
 
 use std::io::{BufRead as _, BufReader, Read as _};
 use std::process::{Output, Stdio};
-use std::time::Duration;
 
 use super::bus::{Bench, plumb};
 use super::golden::{check, check_with, decimals};
@@ -150,8 +149,7 @@ fn the_bit_rate_is_read_and_changed() {
     let mut out = BufReader::new(child.stdout.take().unwrap());
     out.read_line(&mut first).unwrap();
     // The nodes pause before the change and behind it; the adapter follows between.
-    std::thread::sleep(Duration::from_millis(400));
-    bench.word("bit-rate 500");
+    bench.word("+0.4 bit-rate 500");
     let mut stdout = first.into_bytes();
     out.read_to_end(&mut stdout).unwrap();
     let ended = child.wait_with_output().unwrap();

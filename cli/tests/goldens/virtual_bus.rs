@@ -8,8 +8,9 @@ use std::io::Write as _;
 use std::net::TcpListener;
 use std::process::Stdio;
 
-use super::bus::{Bench, plumb};
+use super::bus::plumb;
 use super::golden::{check, check_with, decimals};
+use super::program::Served;
 use super::sensors::Folder;
 use super::transcript::Transcript;
 
@@ -82,7 +83,8 @@ fn words_are_answered() {
         .local_addr()
         .unwrap()
         .to_string();
-    let _bench = Bench::quick(&["--await-client", "--twin", &free]);
+    // Its time begins with a client of the bus, and none comes.
+    let _served = Served::start(&["--uncalibrated", "--await-client", "--twin", &free]);
     let mut told = Transcript::default();
     for words in [
         &["pitch 30", "roll -5", "rate 20", "level"][..],

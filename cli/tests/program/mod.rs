@@ -5,6 +5,7 @@
 
 #![allow(dead_code, reason = "each program with tests uses a part of this")]
 
+pub mod listener;
 pub mod relay;
 
 use std::collections::VecDeque;
@@ -100,6 +101,13 @@ impl Served {
         let typed = self.child.stdin.as_mut().unwrap();
         writeln!(typed, "{words}").unwrap();
         typed.flush().unwrap();
+    }
+
+    /// Lets so many seconds of the bus pass, however slow the machine is; what was typed before
+    /// has been carried out by then.
+    pub fn pass(&mut self, seconds: f64) {
+        self.word(&format!("+{seconds} status"));
+        self.prints("bus load");
     }
 }
 

@@ -5,11 +5,9 @@
 //! comes first, the same command then brings both nodes to the new program, and in both calls
 //! together the time without a valid angle has the bound of an update that is not disturbed.
 
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
-use std::time::Duration;
 
-use super::bench::{Bench, longest_without_an_angle};
+use super::bench::{Bench, Shared, longest_without_an_angle};
 use super::program::relay::{self, Next};
 use super::program::{each_case, is_long, said};
 
@@ -164,21 +162,21 @@ struct Outcome {
     reached: bool,
     /// Exit status, output and errors of the second call.
     again: (Option<i32>, String, String),
-    /// The longest time without a valid angle, in both calls.
-    longest: Duration,
+    /// The longest time without a valid angle, in both calls, s of the bus.
+    longest: f64,
 }
 
 impl Outcome {
     fn of(case: Case) -> Self {
         let bench = Bench::serving(&[]);
         let image = bench.image("1.0.0", &[]);
-        let done = AtomicBool::new(false);
+        let shared = Shared::default();
         let (reached, again, (longest, _)) = thread::scope(|scope| {
-            let watch = scope.spawn(|| longest_without_an_angle(&bench.bus, &done));
-            thread::sleep(Duration::from_secs(3));
+            let watch = scope.spawn(|| longest_without_an_angle(&bench.bus, &shared));
+            shared.await_work();
             let reached = killed(&bench, &image, case);
             let again = said(&bench.update(&image, &["--nodes", &order(case)]));
-            done.store(true, Ordering::Relaxed);
+            shared.end();
             (reached, again, watch.join().unwrap())
         });
         Self {
@@ -193,7 +191,7 @@ impl Outcome {
         let (status, out, _) = &self.again;
         let lines = [1, 2].map(|node| format!("node {node} runs 1.0.0"));
         let run = lines.iter().all(|line| out.contains(line));
-        let angle = self.longest > Duration::ZERO && self.longest < Duration::from_secs(2);
+        let angle = self.longest > 0.0 && self.longest < 2.0;
         self.reached && *status == Some(0) && run && angle
     }
 }

@@ -225,23 +225,24 @@ mod tests {
 
     #[test]
     fn frames_come_when_they_are_due_and_time_goes_on_between_them() {
-        let (mut feed, _) = feed("due", LOG, 2.0, false);
+        // So slow that no busy machine sleeps from one frame to the next: four seconds lie between.
+        let (mut feed, _) = feed("due", LOG, 0.05, false);
         let from = Instant::now();
         assert!(matches!(
             feed.step(soon(10)),
             Ok(Step::Frame(100_000_000_000, _))
         ));
-        assert!(matches!(feed.step(soon(20)), Ok(Step::Nothing)));
+        assert!(matches!(feed.step(soon(1000)), Ok(Step::Nothing)));
         let now_ns = feed.now_ns();
         assert!(
             (100_030_000_000..100_200_000_000).contains(&now_ns),
             "{now_ns}"
         );
         assert!(matches!(
-            feed.step(soon(500)),
+            feed.step(soon(30_000)),
             Ok(Step::Frame(100_200_000_000, _))
         ));
-        assert!(from.elapsed() >= Duration::from_millis(95));
+        assert!(from.elapsed() >= Duration::from_millis(3900));
     }
 
     #[test]
@@ -257,7 +258,8 @@ mod tests {
             panic!("the log goes on");
         };
         assert_eq!(remarks, ["lines cut short: 1"]);
-        assert!(from.elapsed() < Duration::from_secs(5));
+        // At its own speed the log takes a minute.
+        assert!(from.elapsed() < Duration::from_secs(30));
     }
 
     #[test]

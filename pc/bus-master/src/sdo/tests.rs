@@ -343,7 +343,8 @@ fn a_bus_that_was_never_still_kept_a_client_waiting_for_ever() {
     let from = Instant::now();
     let silent = Client::new(&mut bus, 1).upload(0x1000, 0);
     assert!(matches!(silent, Err(SdoError::Silent(..))), "{silent:?}");
-    assert!(from.elapsed() < Duration::from_secs(10));
+    // It waits two seconds; a wait that ends in time is far from one without an end.
+    assert!(from.elapsed() < Duration::from_secs(60));
 }
 
 /// Segments that begin nowhere and end nowhere.

@@ -285,7 +285,7 @@ mod tests {
 
     fn ask(server: &Server, path: &str, host: &str) -> TcpStream {
         let mut stream = TcpStream::connect(server.address).unwrap();
-        let time = Some(Duration::from_secs(10));
+        let time = Some(Duration::from_secs(60));
         stream.set_read_timeout(time).unwrap();
         write!(
             stream,

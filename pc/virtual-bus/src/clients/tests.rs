@@ -12,7 +12,8 @@ use super::round_robin::ClientId;
 use super::shared::CLIENTS_LIMIT;
 use crate::error::ServeError;
 
-const SOON: Duration = Duration::from_secs(5);
+/// Long enough for a machine that is busy with others; what is waited for ends the wait.
+const SOON: Duration = Duration::from_secs(30);
 
 /// Every client's frames are wanted.
 fn any(_: ClientId) -> bool {
@@ -89,8 +90,9 @@ fn notice(hub: &mut Hub, words: &str) -> String {
     panic!("no notice with {words:?} in {seen:?}");
 }
 
-#[test]
-fn a_frame_sent_right_after_rawmode_is_held_back_20_ms() {
+/// What one receive call brings, as python-can has it, of an answer to `rawmode` and a frame that
+/// is sent right behind it; and how long both took. The frame has come by then.
+fn answer_and_frame() -> (String, Duration, Duration) {
     let (mut hub, at) = socketcand();
     let mut peer = Peer::new(at);
     peer.hears("< hi >");
@@ -102,12 +104,30 @@ fn a_frame_sent_right_after_rawmode_is_held_back_20_ms() {
         hub.wait(Duration::from_micros(100), any);
     }
     hub.send(&Frame::data_frame(0x701, &[5]), 1_500_000, None);
-    // One receive call, as python-can has it: the answer must come alone.
     let mut bytes = [0; 256];
     let length = peer.0.read(&mut bytes).unwrap();
-    assert_eq!(&bytes[..length], b"< ok >");
-    peer.hears("< frame 701 1.500000 05 >");
-    assert!(asked.elapsed() >= Duration::from_millis(20));
+    let answered = asked.elapsed();
+    let text = String::from_utf8(bytes[..length].to_vec()).unwrap();
+    if text == "< ok >" {
+        peer.hears("< frame 701 1.500000 05 >");
+    }
+    (text, answered, asked.elapsed())
+}
+
+/// The answer must come alone. A machine that was busy with others for all of the 20 ms shows
+/// nothing of that, so it is asked again.
+#[test]
+fn a_frame_sent_right_after_rawmode_is_held_back_20_ms() {
+    let held = Duration::from_millis(20);
+    for _ in 0..100 {
+        let (answer, answered, all) = answer_and_frame();
+        assert!(all >= held, "{all:?}");
+        if answered < held {
+            assert_eq!(answer, "< ok >");
+            return;
+        }
+    }
+    panic!("no answer within {held:?}");
 }
 
 #[test]
@@ -165,14 +185,14 @@ fn a_client_that_does_not_read_is_dropped_and_nobody_waits() {
     let (mut hub, at) = socketcand();
     let _sleeper = Peer::raw(at);
     let frame = Frame::data_frame(0x181, &[0; 8]);
-    let started = Instant::now();
     let mut sent = 0;
     while hub.clients() == 1 && sent < 2_000_000 {
         hub.send(&frame, 0, None);
         sent += 1;
     }
     assert_eq!(hub.clients(), 0, "{sent} frames");
-    assert!(started.elapsed() < SOON);
+    // Who waits for the client, waits for ever, or until a write takes too long: the reason to
+    // drop it would be that one.
     assert!(notice(&mut hub, "dropped").contains("doesn't read its frames, 1024 kB wait"));
 }
 
@@ -228,7 +248,9 @@ fn one_more_client_than_there_is_room_for_is_refused() {
 
 #[test]
 fn clients_that_never_opened_the_bus_shut_everybody_out_for_good() {
-    let mut hub = Hub::with_time_limit(Duration::from_millis(300));
+    // Long beside what a busy machine takes to open the bus, and to leave off talking in time.
+    let limit = Duration::from_secs(4);
+    let mut hub = Hub::with_time_limit(limit);
     let at = hub.listen_socketcand(here(), "plumb").unwrap();
     let slcan_at = hub.listen_slcan(here()).unwrap();
     // Some send nothing, some the wrong things all the time.
@@ -237,39 +259,41 @@ fn clients_that_never_opened_the_bus_shut_everybody_out_for_good() {
         .map(|_| Peer::new(slcan_at))
         .collect();
     notice(&mut hub, "SLCAN");
-    let until = Instant::now() + Duration::from_millis(250);
+    let until = Instant::now() + Duration::from_millis(500);
     while Instant::now() < until {
         talking.iter_mut().for_each(|peer| peer.sends("V\r"));
         std::thread::sleep(Duration::from_millis(20));
     }
     let said = silent.remove(0).hears_the_end();
-    assert_eq!(said, "< hi >< error the bus was not opened within 300ms >");
+    assert_eq!(said, "< hi >< error the bus was not opened within 4s >");
     let last = talking.pop().unwrap().hears_the_end();
     assert!(last.ends_with("V0100\r"), "{last}");
-    notice(&mut hub, "dropped: the bus was not opened within 300ms");
+    notice(&mut hub, "dropped: the bus was not opened within 4s");
     for mut peer in silent.into_iter().chain(talking) {
         peer.hears_the_end();
     }
     let guests: Vec<Peer> = (0..CLIENTS_LIMIT).map(|_| Peer::raw(at)).collect();
     assert_eq!(hub.clients(), guests.len());
     // Who has it open may be silent for ever.
-    std::thread::sleep(Duration::from_millis(400));
+    std::thread::sleep(limit + Duration::from_millis(100));
     assert_eq!(hub.clients(), guests.len());
 }
 
 #[test]
 fn an_adapter_that_is_closed_again_may_stay_as_long_as_a_new_one() {
-    let mut hub = Hub::with_time_limit(Duration::from_millis(200));
+    // Long beside what a busy machine takes to open the bus.
+    let limit = Duration::from_secs(3);
+    let mut hub = Hub::with_time_limit(limit);
     let at = hub.listen_slcan(here()).unwrap();
     let mut peer = Peer::new(at);
     peer.sends("O\r");
     peer.hears("\r");
-    std::thread::sleep(Duration::from_millis(300));
+    std::thread::sleep(limit + Duration::from_millis(100));
     peer.sends("C\rV\r");
     peer.hears("\rV0100\r");
     let closed = Instant::now();
     assert_eq!(peer.hears_the_end(), "");
-    assert!(closed.elapsed() > Duration::from_millis(150));
+    assert!(closed.elapsed() > limit / 2);
 }
 
 #[test]
@@ -292,7 +316,7 @@ fn beside_a_client_that_floods_another_waited_for_all_of_its_frames() {
     let next = [(); 2].map(|()| hub.receive(any).unwrap().frame.cob_id());
     assert!(next.contains(&Some(0x601)), "{next:X?}");
     let mut rest = 0;
-    while hub.wait(SOON, any) && rest < 9_998 {
+    while rest < 9_998 && hub.wait(SOON, any) {
         rest += usize::from(hub.receive(any).is_some());
     }
     assert_eq!(rest, 9_998);
@@ -390,7 +414,7 @@ fn answers_that_nobody_reads_end_the_connection() {
     let at = hub.listen_slcan(here()).unwrap();
     let mut peer = Peer::new(at);
     let flood = "V\r".repeat(10_000);
-    let until = Instant::now() + 4 * SOON;
+    let until = Instant::now() + SOON;
     while peer.0.write_all(flood.as_bytes()).is_ok() && Instant::now() < until {}
     notice(&mut hub, "dropped");
 }
