@@ -65,6 +65,7 @@ pub const COMMUNICATION: &[Row] = &[
         "Number of errors kept below. Writing 0 deletes them all (CiA 301, 7.5.2.4).",
     )
     .rw()
+    .acts()
     .value(0),
     member(
         0x1003,

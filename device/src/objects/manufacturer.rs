@@ -155,8 +155,7 @@ pub const MANUFACTURER: &[Row] = &[
         0x2023,
         2,
         "Latency",
-        "Delay of the filter: how long a step of the angle takes to show half of itself. The \
-         angle itself belongs to SYNC.",
+        "Age of the angle: it is that of the instant so long before the SYNC.",
     ),
     member(0x2023, 1, "Latency in microseconds", Unsigned32, "In full.")
         .tpdo()

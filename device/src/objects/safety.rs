@@ -42,7 +42,8 @@ pub const SAFETY: &[Row] = &[
         "Configuration valid",
         Unsigned8,
         "A5h once the SRDO configuration has been checked. Refused while a signature in 13FFh \
-         does not fit; any change of an SRDO's parameters makes it invalid (EN 50325-5).",
+         does not fit; any write to 1300h or to an SRDO's parameters makes it invalid \
+         (EN 50325-5).",
     )
     .rw()
     .stored()

@@ -100,6 +100,8 @@ fn what_acts_when_it_is_written_and_what_takes_words_has_no_default_for_tools() 
             "{index:X}"
         );
     }
+    // A tool that writes its default back would delete the errors.
+    assert!(ascending.iter().all(|(at, _)| at.index != 0x1003));
 }
 
 #[test]
