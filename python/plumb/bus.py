@@ -148,6 +148,8 @@ class TwinBus(can.BusABC):
         """The next frame, for which time goes on to `until_ns` at most."""
         world, waiting = self.twin._world, self._client.waiting
         while not waiting and (now_ns := world.now_ns) < until_ns:
+            # Another thread may shut the bus down meanwhile.
+            self._check_open()
             self.twin._go(min(until_ns, now_ns + STEP_NS))
         return waiting.popleft() if waiting else None
 

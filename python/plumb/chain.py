@@ -234,7 +234,12 @@ def fit_motor(
 
 
 def _felt(felt_g: npt.ArrayLike) -> npt.NDArray:
-    return _triples(_reals(felt_g, "felt_g", "stands"), np.float64, "felt_g")
+    felt = _triples(_reals(felt_g, "felt_g", "stands"), np.float64, "felt_g")
+    # A part is off by some per cent; m/s2 and mg are by a factor of ten and of a thousand.
+    length = np.median(np.linalg.norm(felt, axis=1)) if len(felt) else 1.0
+    if not 0.5 <= length <= 2.0:
+        raise Error(f"felt_g is {length:.3g} long in the median, and gravity is 1: give it in g")
+    return felt
 
 
 def _fit(fitted: _plumb.Fitted) -> Fit:

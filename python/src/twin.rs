@@ -7,6 +7,7 @@
 //! Left out: frames as python-can has them (`python/plumb/bus.py`).
 
 use std::error::Error as _;
+use std::process;
 use std::sync::mpsc::{self, Sender};
 use std::sync::{Mutex, PoisonError};
 use std::thread;
@@ -44,9 +45,13 @@ const PIECE_NS: u64 = 1_000_000_000;
 /// The virtual instrument; time stands still between two calls.
 ///
 /// It lives on a thread of its own, since parts of it belong to the thread that has made them, and
-/// ends with this object.
+/// ends with this object. A fork has no such thread.
 #[pyclass(frozen)]
-pub struct World(Mutex<Sender<Job>>);
+pub struct World {
+    jobs: Mutex<Sender<Job>>,
+    /// The process whose thread it is.
+    process: u32,
+}
 
 #[pymethods]
 impl World {
@@ -56,7 +61,10 @@ impl World {
         let all = ["plumb serve".to_owned()].into_iter().chain(words);
         let line = Line::try_parse_from(all).map_err(|error| said(sentence(&error)))?;
         let started = py.detach(|| start(line.arguments));
-        Ok(Self(Mutex::new(started.map_err(said)?)))
+        Ok(Self {
+            jobs: Mutex::new(started.map_err(said)?),
+            process: process::id(),
+        })
     }
 
     /// Virtual time, ns.
@@ -120,8 +128,13 @@ impl World {
         py: Python<'_>,
         job: impl FnOnce(&mut Twin) -> T + Send + 'static,
     ) -> PyResult<T> {
+        if self.process != process::id() {
+            return Err(said(
+                "a fork of the process that has made the twin can't use it: make one in each",
+            ));
+        }
         let (answer, answered) = mpsc::channel();
-        let jobs = &self.0;
+        let jobs = &self.jobs;
         let job: Job = Box::new(move |twin| drop(answer.send(job(twin))));
         let asked = py.detach(move || {
             let jobs = jobs.lock().unwrap_or_else(PoisonError::into_inner);

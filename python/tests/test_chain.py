@@ -282,6 +282,14 @@ FULL_CIRCLE_DEG = np.arange(0.0, 360.0, 30.0)
             "felt_g has values that are not finite: leave these stands out",
         ),
         (
+            lambda: plumb.fit_poses(sphere() * 9.81),
+            "felt_g is 9.81 long in the median, and gravity is 1: give it in g",
+        ),
+        (
+            lambda: plumb.fit_motor(["x"], [0.0], [[0, 0, 1000]]),
+            "felt_g is 1e+03 long in the median, and gravity is 1: give it in g",
+        ),
+        (
             lambda: plumb.fit_motor("x", [math.inf], [[0, 0, 1]]),
             "reference_deg has values that are not finite: leave these stands out",
         ),

@@ -450,11 +450,14 @@ def test_a_manifest_names_logs_and_machines(tmp_path: pathlib.Path) -> None:
         {"path": "a b.log", "machine": "M/1", "model": "crane", "calibration_due": "2026-01-01"},
         {"path": str(tmp_path / "logs/x/y.log"), "machine": "M 2", "model": None},
         {"path": "not there.log", "machine": "M 2", "model": "truck"},
+        # It ended the run: of another kind than what is installed here.
+        {"path": "nothing://bucket/z.log", "machine": "M 2", "model": "truck"},
     ]
     pyarrow.parquet.write_table(pyarrow.Table.from_pylist(rows), tmp_path / "m.parquet")
     outcome = run(tmp_path / "logs", tmp_path / "out", manifest=tmp_path / "m.parquet")
     assert (outcome.machines, outcome.logs) == (2, 2)
-    assert [key.split("/")[-1] for key in outcome.failed] == ["not there.log"]
+    assert [key.split("/")[-1] for key in sorted(outcome.failed)] == ["not there.log", "z.log"]
+    assert "of a kind that is not installed" in outcome.failed["nothing://bucket/z.log"]
     assert outcome.visits == ["M/1"]
     page = outcome.page.read_text()
     assert 'href="machines/M%252F1/report.html"' in page and "due on 2026-01-01" in page

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import signal
+import threading
 import time
 
 import can
@@ -387,3 +389,45 @@ def test_a_chain_follows_the_gyroscope_by_the_calibration_of_a_node() -> None:
     turned = chain.run(counts, temperature_degc=25.0, rates=rates)
     moved = np.abs(turned.angle_deg[-1] - still.angle_deg[-1])
     assert moved.max() > 5.0, moved
+
+
+def test_a_wait_went_on_for_an_hour_after_the_bus_was_shut_down() -> None:
+    bus = TwinBus(plumb.Twin(calibrated=False))
+    # A message of its own ends nothing: it goes out and comes to others only.
+    bus.set_filters([{"can_id": 0x7DF, "can_mask": 0x7FF}])
+    found: list[str] = []
+
+    def wait() -> None:
+        with pytest.raises(can.CanOperationError) as told:
+            bus.recv(None)
+        found.append(str(told.value))
+
+    waiting = threading.Thread(target=wait)
+    waiting.start()
+    began_s = bus.twin.now_s
+    while bus.twin.now_s < began_s + 0.5:
+        time.sleep(0.01)
+    bus.shutdown()
+    waiting.join()
+    assert found == ["the bus was shut down: open another one"]
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="there is no fork")
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")
+def test_a_fork_waited_for_ever_for_the_twin_of_its_parent() -> None:
+    twin = plumb.Twin(calibrated=False)
+    child = os.fork()
+    if child == 0:
+        try:
+            twin.run(1.0)
+            os._exit(1)
+        except plumb.Error as error:
+            os._exit(0 if "make one in each" in str(error) else 2)
+    end = time.monotonic() + 60.0
+    while (done := os.waitpid(child, os.WNOHANG)) == (0, 0) and time.monotonic() < end:
+        time.sleep(0.05)
+    if done == (0, 0):
+        os.kill(child, signal.SIGKILL)
+        done = os.waitpid(child, 0)
+    assert done == (child, 0)
+    assert twin.run(1.0)

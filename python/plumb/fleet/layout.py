@@ -268,7 +268,10 @@ def _entered(system: Any, root: str, row: dict[str, Any]) -> Log | Stray:
     """The log of a row."""
     path, day = str(row["path"]), row.get("day")
     if "://" in path:
-        system, path = _open(path)
+        try:
+            system, path = _open(path)
+        except FleetError as why:
+            return Stray(shown(path), str(why), should_be_log=True)
     elif not path.startswith("/"):
         path = f"{root.rstrip('/')}/{path}"
     url = _url(system, path)

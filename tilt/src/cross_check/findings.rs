@@ -94,7 +94,7 @@ pub struct Evidence {
     pub measures: [bool; 2],
     /// How they compare.
     pub comparison: Comparison,
-    /// Time since the pair before.
+    /// Time since the pair before; 0 after a pause for which nothing counts.
     pub elapsed_us: u32,
 }
 
@@ -138,7 +138,7 @@ impl Faulty {
 struct Disagreement {
     /// For how long they have agreed since, us.
     agreed_us: u32,
-    /// How long ago it was found, us; stops at [`WEIGHED_CAUSE_US`].
+    /// How long ago it was found, us; stops at [`WEIGHED_CAUSE_US`], where a pause takes it.
     age_us: u32,
 }
 
@@ -228,7 +228,11 @@ impl Findings {
                 Comparison::Absent => held.agreed_us,
                 Comparison::Excess | Comparison::Differ => 0,
             };
-            held.age_us = held.age_us.saturating_add(credit_us).min(WEIGHED_CAUSE_US);
+            // Without pairs a channel may have got a fault of its own.
+            held.age_us = match evidence.elapsed_us {
+                0 => WEIGHED_CAUSE_US,
+                _ => held.age_us.saturating_add(credit_us).min(WEIGHED_CAUSE_US),
+            };
         }
         if agrees {
             self.agreed_us = self.agreed_us.saturating_add(credit_us).min(PROOF_US);

@@ -21,6 +21,7 @@ fn level(_: f64) -> [f64; 3] {
 fn disagreeing(seed: u64, node: Member, seconds: f64, at: fn(f64) -> [f64; 3]) -> Machine {
     let mut machine = Machine::new(seed).works(turning);
     machine.lasts(3.0, node, |t| (turning(t), on(0, FIRST_MG)));
+    assert_eq!(machine.bench.last, Judgement::Disagree, "{node:?}");
     let all = machine.lasts(seconds, node, |t| (at(t), on(0, FIRST_MG)));
     assert_eq!(all, [Judgement::Disagree], "{node:?}");
     machine
@@ -80,6 +81,26 @@ fn gravity_explains_a_disagreement_of_less_than_a_minute() {
             let mut machine = disagreeing(seed, node, waits_s, level);
             let all = machine.lasts(4.0, node, |_| (pose(70.0, 0.0), on(0, FIRST_MG)));
             let name = std::format!("{node:?}, {waits_s} s: {all:?}");
+            assert_eq!(all.last(), Some(&faulty(node, Invalid::Biased)), "{name}");
+            assert_eq!(!machine.bench.check.disagree(), explains, "{name}");
+        }
+    }
+}
+
+/// The age of a disagreement stood still while no SYNC came, so that a fault of the night explained
+/// what was found the evening before.
+#[test]
+fn a_pause_without_sync_leaves_a_disagreement_unexplained() {
+    for (seed, node) in (81..).zip(NODES) {
+        for (pause_s, explains) in [(1, true), (12, false), (3600, false)] {
+            let mut machine = disagreeing(seed, node, 2.0, level);
+            let period_us = std::mem::replace(&mut machine.bench.period_us, pause_s * 1_000_000);
+            machine.lasts(pause_s as f64 / 2.0, node, |_| {
+                (level(0.0), on(0, FIRST_MG))
+            });
+            machine.bench.period_us = period_us;
+            let all = machine.lasts(4.0, node, |_| (pose(70.0, 0.0), on(0, FIRST_MG)));
+            let name = std::format!("{node:?}, {pause_s} s: {all:?}");
             assert_eq!(all.last(), Some(&faulty(node, Invalid::Biased)), "{name}");
             assert_eq!(!machine.bench.check.disagree(), explains, "{name}");
         }

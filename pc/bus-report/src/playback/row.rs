@@ -73,9 +73,14 @@ pub struct Row<'a> {
 }
 
 impl Row<'_> {
-    /// When, s: to half a microsecond for a date.
+    /// When, s: to half a microsecond for a date, and what a reader of the CSV gets.
     pub fn time_s(&self) -> f64 {
-        self.time_ns as f64 / 1e9
+        const SECOND_NS: u64 = 1_000_000_000;
+        // From 104 days on the number of ns would be rounded, and the quotient once more.
+        match self.time_ns < 1 << 53 {
+            true => self.time_ns as f64 / 1e9,
+            false => (self.time_ns / SECOND_NS) as f64 + (self.time_ns % SECOND_NS) as f64 / 1e9,
+        }
     }
 }
 
@@ -215,6 +220,33 @@ mod tests {
             ["accel_x_g", "rate_z_deg_s"].map(unit),
             [Some("g"), Some("deg/s")]
         );
+    }
+
+    #[test]
+    fn the_time_of_a_dated_log_was_another_number_than_in_the_csv() {
+        let days = [
+            0,
+            1,
+            1 << 20,
+            9_007_199,
+            9_007_200,
+            1_764_363_600,
+            18_446_744_073,
+        ];
+        // Steps that have no factor in common with a second or with a power of two.
+        let parts = (0..1000).map(|n| n * 1_000_003 % 709_551_600);
+        for time_ns in parts.flat_map(|ns| days.map(|day_s| day_s * 1_000_000_000 + ns)) {
+            let row = Row {
+                time_ns,
+                interface: "can0",
+                node_id: 1,
+                message: "slopes",
+                values: [None; COLUMNS.len()],
+            };
+            let (seconds, ns) = (time_ns / 1_000_000_000, time_ns % 1_000_000_000);
+            let text: f64 = format!("{seconds}.{ns:09}").parse().unwrap();
+            assert_eq!(row.time_s(), text, "{time_ns} ns");
+        }
     }
 
     #[test]

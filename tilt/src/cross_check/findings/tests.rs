@@ -140,6 +140,7 @@ impl Past {
         let comparison = evidence.comparison;
         let compared = !matches!(comparison, Comparison::Absent | Comparison::Alike);
         self.disagreed_us = match before.disagree() {
+            true if evidence.elapsed_us == 0 => WEIGHED_CAUSE_US,
             true => (self.disagreed_us + passed_us).min(WEIGHED_CAUSE_US),
             false => 0,
         };
