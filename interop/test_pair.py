@@ -24,7 +24,7 @@ from master import (
 )
 
 WAITING, AGREE, DISAGREE, OWN_FAULTY, OTHER_FAULTY, NONE_MEASURES = 0, 1, 6, 7, 8, 9
-NOISE, SPIKES, BIASED, SILENT, REFUSED, UNCONFIRMED = 10, 11, 13, 15, 17, 18
+NOISE, SPIKES, BIASED, CORRUPT, SILENT, REFUSED, UNCONFIRMED = 10, 11, 13, 14, 15, 17, 18
 DISAGREE_CODE, BIASED_CODE = 0xFF13, 0xFF08
 OWN_CODE, OTHER_CODE, NONE_CODE = 0xFF14, 0xFF15, 0xFF16
 DEGREES_24 = 360 / 2**24
@@ -73,7 +73,8 @@ def without_angle(master: Master, node: int, why: int) -> bool:
     """Both slopes are away for this reason; with a gyroscope perhaps since the estimator, which a
     fault makes begin anew, looks for the vertical."""
     found = reasons(master, node)
-    return found == [why] * 2 or (MODE == "dynamic" and set(found) <= LOOKS_FOR_VERTICAL)
+    # The two are read one after the other, and it may begin anew between them.
+    return found == [why] * 2 or (MODE == "dynamic" and set(found) <= {why, *LOOKS_FOR_VERTICAL})
 
 
 def newest(master: Master, node: int) -> bytes:
@@ -233,9 +234,15 @@ def test_what_a_channel_shows_of_itself_is_named(
     plumb.type(f"fault b {fault}")
     assert int.from_bytes(emcy(pair, mark, 2, code)[3:6], "little") & 1 << bit
     emcy(pair, mark, 2, OWN_CODE)
-    assert emcy(pair, mark, 1, OTHER_CODE)[6:] == bytes([2 << 6 | why, OTHER_FAULTY])
-    assert [verdict(pair, node) for node in (1, 2)] == [[2, why], [1, why]]
-    assert slopes(newest(pair, 2)) == [INVALID16] * 2 and without_angle(pair, 2, why)
+    # The check sum is compared four times a second: a movement of B alone may be found before that.
+    found = {why, BIASED} if why == CORRUPT else {why}
+    told = emcy(pair, mark, 1, OTHER_CODE)[6:]
+    assert told in [bytes([2 << 6 | reason, OTHER_FAULTY]) for reason in found]
+    assert verdict(pair, 1) == [2, told[0] & 0x3F]
+    blamed, own = verdict(pair, 2)
+    assert blamed == 1 and own in found
+    assert slopes(newest(pair, 2)) == [INVALID16] * 2
+    assert any(without_angle(pair, 2, reason) for reason in found)
     assert newest(pair, 1)[4:] == bytes([0xC3, OTHER_FAULTY])
 
 
@@ -392,25 +399,31 @@ def test_a_board_that_is_seen_to_move_is_named_level_too(plumb: Plumb, pair: Mas
     assert [verdict(pair, node) for node in (1, 2)] == [[2, BIASED], [1, BIASED]]
 
 
-def test_where_the_pose_tells_the_loose_board_is_named(plumb: Plumb, pair: Master) -> None:
-    """At 30 deg an offset along X and Y makes gravity longer, after a second at rest."""
-    mark = pair.mark()
-    plumb.turn(30, 10)
-    assert not pair.since(mark, 0x081) and not pair.since(mark, 0x082), "motion is no fault"
-    plumb.type("fault b offset 20")
-    for node in (1, 2):
-        emcy(pair, mark, node, DISAGREE_CODE)
-    emcy(pair, mark, 1, OTHER_CODE)
-    emcy(pair, mark, 2, OWN_CODE)
-    assert emcy(pair, mark, 2, BIASED_CODE)[6] == 1 << 6 | BIASED
-    assert [verdict(pair, node) for node in (1, 2)] == [[2, BIASED], [1, BIASED]]
-    alone = bytes([0xC3, OTHER_FAULTY])
-    if MODE == "dynamic":
-        # Both estimators began anew while the pair disagreed.
-        until(lambda: newest(pair, 1)[4:] == alone, "A has its angles again")
-    else:
-        assert newest(pair, 1)[4:] == alone
-    assert slopes(newest(pair, 2)) == [INVALID16] * 2 and without_angle(pair, 2, BIASED)
+def test_where_the_pose_tells_the_loose_board_is_named() -> None:
+    """At 30 deg an offset along X and Y makes gravity longer, after a second at rest.
+
+    A board of its own in real time: a minute of the bus later it is named as well, and A stays
+    without an angle; a busy machine passes that soon where the bus is five times as fast.
+    """
+    with Plumb() as plumb, Master(plumb) as pair:
+        begin(pair)
+        mark = pair.mark()
+        plumb.turn(30, 10)
+        assert not pair.since(mark, 0x081) and not pair.since(mark, 0x082), "motion is no fault"
+        plumb.type("fault b offset 20")
+        for node in (1, 2):
+            emcy(pair, mark, node, DISAGREE_CODE)
+        emcy(pair, mark, 1, OTHER_CODE)
+        emcy(pair, mark, 2, OWN_CODE)
+        assert emcy(pair, mark, 2, BIASED_CODE)[6] == 1 << 6 | BIASED
+        assert [verdict(pair, node) for node in (1, 2)] == [[2, BIASED], [1, BIASED]]
+        alone = bytes([0xC3, OTHER_FAULTY])
+        if MODE == "dynamic":
+            # Both estimators began anew while the pair disagreed.
+            until(lambda: newest(pair, 1)[4:] == alone, "A has its angles again", 20)
+        else:
+            assert newest(pair, 1)[4:] == alone
+        assert slopes(newest(pair, 2)) == [INVALID16] * 2 and without_angle(pair, 2, BIASED)
 
 
 def test_the_peers_stopping_is_noticed(pair: Master) -> None:

@@ -26,7 +26,9 @@ pub struct Answer {
 struct Document<'a, T> {
     format: &'static str,
     version: u32,
-    bus: &'a str,
+    /// Not of what no bus is needed for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    bus: Option<&'a str>,
     #[serde(flatten)]
     content: T,
 }
@@ -52,7 +54,21 @@ impl Answer {
         lines: impl FnOnce() -> String,
     ) -> Result<(), CommissionError> {
         match self.json {
-            true => self.object(bus, found),
+            true => self.object(Some(bus), found),
+            false => text(&lines()),
+        }
+    }
+
+    /// As [`Answer::show`], of what is known without a bus.
+    ///
+    /// Errors: [`CommissionError::Print`].
+    pub fn show_without_bus(
+        &self,
+        found: impl Serialize,
+        lines: impl FnOnce() -> String,
+    ) -> Result<(), CommissionError> {
+        match self.json {
+            true => self.object(None, found),
             false => text(&lines()),
         }
     }
@@ -86,16 +102,16 @@ impl Answer {
         content: impl Serialize,
     ) -> Result<ExitCode, CommissionError> {
         if self.json && (ended.is_ok() || !nothing) {
-            self.object(bus, content)?;
+            self.object(Some(bus), content)?;
         }
         ended.map(|()| ExitCode::SUCCESS)
     }
 
-    fn object(&self, bus: &Bus, content: impl Serialize) -> Result<(), CommissionError> {
+    fn object(&self, bus: Option<&Bus>, content: impl Serialize) -> Result<(), CommissionError> {
         let document = Document {
             format: self.format,
             version: 1,
-            bus: bus.name(),
+            bus: bus.map(Bus::name),
             content,
         };
         stdout::print_json(&document).map_err(CommissionError::Print)
@@ -105,6 +121,6 @@ impl Answer {
 /// Prints text as it is.
 ///
 /// Errors: [`CommissionError::Print`].
-pub fn text(text: &str) -> Result<(), CommissionError> {
+fn text(text: &str) -> Result<(), CommissionError> {
     stdout::print(text).map_err(CommissionError::Print)
 }

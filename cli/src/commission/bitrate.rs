@@ -17,7 +17,7 @@ use clap::Args;
 use serde::Serialize;
 
 use super::answer::Answer;
-use super::common::CommonOptions;
+use super::common::{CommonOptions, left, unknown};
 use super::error::{CommissionError, listed};
 use bus_master::Bus;
 use bus_master::fault::Fault;
@@ -83,6 +83,8 @@ struct Content<'a> {
     nodes: &'a [Rate],
     /// Node-ids of those that a forced change has left at their rate.
     not_reached: &'a [u8],
+    /// Those whose state before is not known, and that are in PRE-OPERATIONAL now.
+    left_nodes: &'a [u8],
 }
 
 /// What a change came to.
@@ -92,6 +94,8 @@ struct Outcome {
     rates: Vec<Rate>,
     /// Those that keep theirs: they do not answer LSS, or not at all.
     not_reached: Vec<u8>,
+    /// Those that stay in PRE-OPERATIONAL, since their state before is not known.
+    left: Vec<u8>,
 }
 
 /// Reads or changes, and prints.
@@ -105,8 +109,11 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, CommissionError> {
         None => {
             let meant = arguments.common.nodes.readable(&mut bus)?;
             let rates = read(&mut bus, &meant.nodes)?;
-            let not_reached = Vec::new();
-            (Outcome { rates, not_reached }, meant)
+            let outcome = Outcome {
+                rates,
+                ..Outcome::default()
+            };
+            (outcome, meant)
         }
     };
     let changed = arguments.rate.is_some();
@@ -114,12 +121,14 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, CommissionError> {
         changed,
         nodes: &outcome.rates,
         not_reached: &outcome.not_reached,
+        left_nodes: &outcome.left,
     };
     answer(arguments).show(&bus, content, || {
         let rates = outcome.rates.iter().map(|rate| line(rate, changed));
         let rate = arguments.rate.into_iter();
         let note = rate.filter_map(|rate| note(&outcome.not_reached, rate));
-        rates.chain(note).collect()
+        let left = outcome.left.iter().map(|id| left(*id, true));
+        rates.chain(note).chain(left).collect()
     })?;
     meant.complete()?;
     Ok(ExitCode::SUCCESS)
@@ -179,7 +188,16 @@ fn change(bus: &mut Bus, rate: u16, arguments: &Arguments) -> Result<Outcome, Co
         let nodes = nodes.filter(move |(_, state)| **state == Ok(wanted));
         nodes.map(|(node, _)| *node).collect::<Vec<u8>>()
     };
-    let (working, halted) = (in_state(State::Operational), in_state(State::Stopped));
+    let (mut working, halted) = (in_state(State::Operational), in_state(State::Stopped));
+    let mut unheard = Vec::new();
+    let silent = heard.answers.keys();
+    for id in silent.filter(|id| !heard.heartbeats.contains_key(id)) {
+        match Node::new(bus, *id).state_or_work()? {
+            Some(Ok(State::Operational)) => working.push(*id),
+            None => unheard.push(*id),
+            _ => {}
+        }
+    }
     if !arguments.stop && !halted.is_empty() {
         return Err(CommissionError::Halted(halted));
     }
@@ -187,6 +205,10 @@ fn change(bus: &mut Bus, rate: u16, arguments: &Arguments) -> Result<Outcome, Co
         return change_these(bus, rate, arguments, &heard, &working);
     }
     let stopped = stop(bus, &[&working[..], &halted].concat());
+    let stopped = stopped.and_then(|()| {
+        let mut unheard = unheard.iter();
+        Ok(unheard.try_for_each(|id| Node::new(bus, *id).enter_unheard())?)
+    });
     let changed = stopped.and_then(|()| change_these(bus, rate, arguments, &heard, &[]));
     // Those that did not follow have not heard it; what went wrong before shows more.
     let working = working.iter().map(|node| (Command::Start, node));
@@ -194,9 +216,12 @@ fn change(bus: &mut Bus, rate: u16, arguments: &Arguments) -> Result<Outcome, Co
     let started = working
         .chain(halted)
         .try_for_each(|(command, node)| nmt::command(bus, command, *node));
-    let changed = changed?;
+    let changed = changed.map_err(|why| unknown(why, &unheard))?;
     started.map_err(Fault::bus)?;
-    Ok(changed)
+    Ok(Outcome {
+        left: unheard,
+        ..changed
+    })
 }
 
 /// Takes nodes to PRE-OPERATIONAL.
@@ -236,7 +261,11 @@ fn change_these(
     not_reached.extend(missing.iter().map(|missing| missing.peer));
     not_reached.sort_unstable();
     not_reached.dedup();
-    Ok(Outcome { rates, not_reached })
+    Ok(Outcome {
+        rates,
+        not_reached,
+        left: Vec::new(),
+    })
 }
 
 /// Selects those that are there and tells them, where all of them can follow; who does, and who

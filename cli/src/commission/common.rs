@@ -1,12 +1,33 @@
 //! What the verbs on nodes have in common on the command line: which nodes, on which bus, and how
 //! the answer is printed.
 
+use canopen::object::Abort;
 use clap::Args;
 
 use super::answer::Answer;
-use bus_master::fault::Fault;
+use super::error::CommissionError;
+use bus_master::fault::{self, Fault};
 use bus_master::nodes::NodeOption;
 use bus_master::{Bus, BusOptions};
+
+/// The abort code of what can't be done in a node's present state.
+pub const WRONG_STATE: u32 = Abort::WrongState.code();
+
+/// What is said of a node that is left in PRE-OPERATIONAL, if it is.
+pub fn left(node: u8, is_left: bool) -> String {
+    match is_left {
+        true => format!("note: {}\n", fault::unknown(node)),
+        false => String::new(),
+    }
+}
+
+/// What ended a verb, with the nodes that are left in PRE-OPERATIONAL out of a state that is not
+/// known.
+pub fn unknown(why: CommissionError, nodes: &[u8]) -> CommissionError {
+    nodes.iter().fold(why, |why, node| {
+        Fault::Unknown(why.to_string(), *node).into()
+    })
+}
 
 /// The options of every verb on nodes.
 #[derive(Clone, Debug, Args)]

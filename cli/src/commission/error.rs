@@ -77,6 +77,13 @@ pub enum CommissionError {
          --node {0}` shows its state"
     )]
     WrongState(u8, String),
+    /// The node does not take it in its present state, which no heartbeat tells.
+    #[error(
+        "node {0} does not take {1} in its present state (abort code 0800 0022h), and sends no \
+         heartbeat (1017h) that tells it: it is OPERATIONAL most likely, so use --stop to take it \
+         to PRE-OPERATIONAL for the write"
+    )]
+    UnheardState(u8, String),
     /// The slope of this preset is not valid: node, name, reason of 2025h.
     #[error(
         "node {0} does not take {1} without a valid angle, and there is none ({a}): {b}",
@@ -120,6 +127,14 @@ pub enum CommissionError {
          milliseconds: use --stop to take it to PRE-OPERATIONAL and back"
     )]
     StoresNothing(u8),
+    /// A node does nothing like this in its present state, and sends no heartbeat that tells it:
+    /// node, what it does not do.
+    #[error(
+        "node {0} {1} nothing in its present state (abort code 0800 0022h), and sends no heartbeat \
+         (1017h) that tells it: it is OPERATIONAL most likely, so use --stop to take it to \
+         PRE-OPERATIONAL"
+    )]
+    Unheard(u8, &'static str),
     /// A node could not store: its abort code.
     #[error(
         "node {0} could not store (abort code {a}): what was saved before still counts; look at \
@@ -202,6 +217,13 @@ pub enum CommissionError {
          there alone"
     )]
     Half(Missing),
+    /// The other channel of an instrument does not answer and would look for the old node-id.
+    #[error(
+        "{0}, so nothing was written: it would look for node {a} for ever; reconnect it, or use \
+         --force to change node {a} alone",
+        a = .0.node
+    )]
+    Alone(Missing),
     /// Another node has this node-id.
     #[error("node-id {0} is in use on this bus: choose another one (`plumb scan` lists them)")]
     Taken(u8),

@@ -12,7 +12,6 @@ use canopen::object::Access;
 use clap::Args;
 use serde::Serialize;
 
-use super::answer;
 use super::common::CommonOptions;
 use super::error::CommissionError;
 use bus_master::Bus;
@@ -64,12 +63,42 @@ struct Content<'a> {
     objects: &'a [Reading],
 }
 
+/// One object of one node that went to a file.
+#[derive(Clone, Debug, Serialize)]
+struct Saved {
+    node: u8,
+    name: String,
+    index: String,
+    sub: u8,
+    file: String,
+    length_bytes: usize,
+}
+
+#[derive(Clone, Debug, Serialize)]
+struct Files<'a> {
+    files: [&'a Saved; 1],
+}
+
+/// What an object is called.
+#[derive(Clone, Debug, Serialize)]
+struct Name {
+    name: String,
+    index: String,
+    sub: u8,
+}
+
+#[derive(Clone, Debug, Serialize)]
+struct Names {
+    names: Vec<Name>,
+}
+
 /// Reads and prints. What a node refuses of several objects is printed in its place.
 ///
 /// Errors: see [`CommissionError`]; those that were read are printed all the same.
 pub fn run(arguments: &Arguments) -> Result<ExitCode, CommissionError> {
+    let answer = arguments.common.answer("plumb-get");
     if arguments.list {
-        answer::text(&list())?;
+        answer.show_without_bus(Names { names: names() }, list)?;
         return Ok(ExitCode::SUCCESS);
     }
     let objects = objects(&arguments.names)?;
@@ -85,11 +114,16 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, CommissionError> {
             let ([object], [node]) = (objects.as_slice(), nodes.as_slice()) else {
                 return Err(CommissionError::OneOnly);
             };
-            save(&mut bus, *node, object, (path, existing))?;
+            let saved = save(&mut bus, *node, object, (path, existing))?;
+            answer.show(&bus, Files { files: [&saved] }, || {
+                let Saved {
+                    name, length_bytes, ..
+                } = &saved;
+                format!("{length_bytes} bytes of {name} of node {node}\n")
+            })?;
             None
         }
         None => {
-            let answer = arguments.common.answer("plumb-get");
             let readings = read(&mut bus, nodes, &objects)?;
             let content = Content { objects: &readings };
             answer.show(&bus, content, || table(nodes, &objects, &readings))?;
@@ -130,16 +164,27 @@ fn refusals(readings: &[Reading]) -> Option<CommissionError> {
     })
 }
 
-/// Every name with its address.
+/// Every name with its address, the short ones behind the others.
+fn all() -> impl Iterator<Item = (String, u16, u8)> {
+    let long = name::all().into_iter();
+    let long = long.map(|named| (named.name, named.index, named.sub));
+    let short = name::SHORT.into_iter();
+    long.chain(short.map(|(name, index, sub)| (name.to_owned(), index, sub)))
+}
+
 fn list() -> String {
-    let mut text = String::new();
-    for named in name::all() {
-        text.push_str(&format!("{:<8} {}\n", named.address(), named.name));
-    }
-    for (short, index, sub) in name::SHORT {
-        text.push_str(&format!("{:<8} {short}\n", name::address(index, sub)));
-    }
-    text
+    all()
+        .map(|(name, index, sub)| format!("{:<8} {name}\n", name::address(index, sub)))
+        .collect()
+}
+
+fn names() -> Vec<Name> {
+    let named = |(name, index, sub)| Name {
+        name,
+        index: format!("{index:04X}"),
+        sub,
+    };
+    all().map(named).collect()
 }
 
 /// What the names mean; what can only be written is named at once.
@@ -198,16 +243,21 @@ fn save(
     node: u8,
     object: &Named,
     (path, existing): (&Path, Existing),
-) -> Result<(), CommissionError> {
+) -> Result<Saved, CommissionError> {
     let bytes = match Node::new(bus, node).try_read(object.index, object.sub)? {
         Ok(bytes) => bytes,
         Err(code) => return Err(CommissionError::Refused(node, object.name.clone(), code)),
     };
     write::save(path, &bytes, existing)
         .map_err(|why| CommissionError::Write(path.to_owned(), why))?;
-    let name = &object.name;
-    answer::text(&format!("{} bytes of {name} of node {node}\n", bytes.len()))?;
-    Ok(())
+    Ok(Saved {
+        node,
+        name: object.name.clone(),
+        index: format!("{:04X}", object.index),
+        sub: object.sub,
+        file: path.display().to_string(),
+        length_bytes: bytes.len(),
+    })
 }
 
 /// Lines by object, columns by node.

@@ -13,13 +13,14 @@ use clap::Args;
 use device::objects::table::Channel;
 use serde::Serialize;
 
-use super::common::CommonOptions;
+use super::common::{CommonOptions, WRONG_STATE, left};
 use super::error::CommissionError;
 use super::save::Group;
 use bus_master::fault::Fault;
 use bus_master::nmt::{self, Command, State};
 use bus_master::node::Node;
 use bus_master::nodes;
+use bus_master::sdo::SdoError;
 
 /// "load", lowest byte first (CiA 301, 7.5.2.14).
 const LOAD: [u8; 4] = *b"load";
@@ -56,6 +57,8 @@ struct Content {
     /// Nodes that look for the other channel by the node-id as delivered, and have another one
     /// themselves.
     apart_nodes: Vec<u8>,
+    /// Those whose state before is not known, and that are in PRE-OPERATIONAL now.
+    left_nodes: Vec<u8>,
 }
 
 /// Restores and prints.
@@ -71,17 +74,20 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, CommissionError> {
     let mut bus = arguments.common.join()?;
     let nodes = arguments.common.nodes.writable(&mut bus)?;
     let mut apart_nodes = Vec::new();
-    let (restored_nodes, ended) = answer.each(
+    let (restored, ended) = answer.each(
         nodes,
         |id| {
-            let channel = restore(&mut Node::new(&mut bus, id), arguments)?;
-            let delivered = channel.map(Channel::node_id);
+            let mut node = Node::new(&mut bus, id);
+            let delivered = restore(&mut node, arguments)?.map(Channel::node_id);
             if delivered.is_some_and(|delivered| delivered != id) {
                 apart_nodes.push(id);
             }
-            Ok(id)
+            Ok((id, node.is_left))
         },
-        |id| format!("node {id}: {what} are as delivered; {counts}\n"),
+        |(id, is_left)| {
+            let done = format!("node {id}: {what} are as delivered; {counts}\n");
+            done + &left(*id, *is_left)
+        },
     );
     if arguments.only == Some(Group::Profile) {
         apart_nodes.clear();
@@ -89,11 +95,13 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, CommissionError> {
     if !apart_nodes.is_empty() {
         answer.say(APART)?;
     }
+    let those_left = restored.iter().filter(|(_, is_left)| *is_left);
     let content = Content {
         group: arguments.only,
-        restored_nodes,
+        restored_nodes: restored.iter().map(|(id, _)| *id).collect(),
         reset: arguments.reset,
         apart_nodes,
+        left_nodes: those_left.map(|(id, _)| *id).collect(),
     };
     let nothing = content.restored_nodes.is_empty();
     answer.end(&bus, ended, nothing, content)
@@ -102,14 +110,19 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, CommissionError> {
 /// Restores one node; which channel it is.
 fn restore(node: &mut Node, arguments: &Arguments) -> Result<Option<Channel>, CommissionError> {
     let id = node.id;
-    let state = node.state()?;
+    let state = node.state_or_work()?;
     let sub = Group::sub(arguments.only);
     let done = node.set_up(arguments.stop, |node| {
         let channel = nodes::channel(node.bus, id)?;
         node.write(0x1011, sub, &LOAD).map(|()| channel)
     });
-    let channel = done.map_err(|fault: Option<Fault>| {
-        fault.map_or(CommissionError::DiscardsNothing(id), CommissionError::Fault)
+    let channel = done.map_err(|fault: Option<Fault>| match fault {
+        None => CommissionError::DiscardsNothing(id),
+        // One that sends a heartbeat would be known to be OPERATIONAL.
+        Some(Fault::Sdo(SdoError::Refused(.., WRONG_STATE))) => {
+            CommissionError::Unheard(id, "discards")
+        }
+        Some(fault) => fault.into(),
     })?;
     if arguments.reset {
         reset(node)?;

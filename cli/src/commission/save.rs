@@ -11,7 +11,7 @@ use std::process::ExitCode;
 use clap::{Args, ValueEnum};
 use serde::Serialize;
 
-use super::common::CommonOptions;
+use super::common::{CommonOptions, WRONG_STATE, left};
 use super::error::CommissionError;
 use bus_master::fault::Fault;
 use bus_master::node::Node;
@@ -72,6 +72,8 @@ pub struct Arguments {
 struct Content {
     group: Option<Group>,
     saved_nodes: Vec<u8>,
+    /// Those whose state before is not known, and that are in PRE-OPERATIONAL now.
+    left_nodes: Vec<u8>,
 }
 
 /// Saves and prints.
@@ -82,14 +84,21 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, CommissionError> {
     let (sub, what) = (Group::sub(arguments.only), Group::name(arguments.only));
     let mut bus = arguments.common.join()?;
     let nodes = arguments.common.nodes.whole(&mut bus)?;
-    let (saved_nodes, ended) = answer.each(
+    let (saved, ended) = answer.each(
         nodes,
-        |id| save(&mut Node::new(&mut bus, id), sub, arguments.stop).map(|()| id),
-        |id| format!("node {id}: {what} are saved\n"),
+        |id| {
+            let mut node = Node::new(&mut bus, id);
+            save(&mut node, sub, arguments.stop).map(|()| (id, node.is_left))
+        },
+        |(id, is_left)| format!("node {id}: {what} are saved\n{}", left(*id, *is_left)),
     );
-    let nothing = saved_nodes.is_empty();
-    let group = arguments.only;
-    answer.end(&bus, ended, nothing, Content { group, saved_nodes })
+    let those_left = saved.iter().filter(|(_, is_left)| *is_left);
+    let content = Content {
+        group: arguments.only,
+        left_nodes: those_left.map(|(id, _)| *id).collect(),
+        saved_nodes: saved.iter().map(|(id, _)| *id).collect(),
+    };
+    answer.end(&bus, ended, saved.is_empty(), content)
 }
 
 /// Stores one group of one node.
@@ -100,6 +109,10 @@ pub fn save(node: &mut Node, sub: u8, may_stop: bool) -> Result<(), CommissionEr
     let saved = node.set_up(may_stop, |node| node.write(0x1010, sub, &SAVE));
     match saved {
         Err(None) => Err(CommissionError::StoresNothing(id)),
+        // One that sends a heartbeat would be known to be OPERATIONAL.
+        Err(Some(Fault::Sdo(SdoError::Refused(.., WRONG_STATE)))) => {
+            Err(CommissionError::Unheard(id, "stores"))
+        }
         Err(Some(Fault::Sdo(SdoError::Refused(.., code)))) => {
             Err(CommissionError::NotStored(id, code))
         }

@@ -10,22 +10,19 @@
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
-use canopen::object::{Abort, Access};
+use canopen::object::Access;
 use clap::Args;
 use device::objects::row::Row;
 use serde::Serialize;
 
-use super::common::CommonOptions;
+use super::common::{CommonOptions, WRONG_STATE, left};
 use super::error::{CommissionError, ends_by_itself};
 use bus_master::fault::Fault;
 use bus_master::nmt::State;
 use bus_master::node::Node;
-use bus_master::sdo::SdoError;
+use bus_master::sdo::{Client, SdoError};
 use codes::name::{self, Named};
 use codes::value;
-
-/// The abort code of what can't be done in a node's present state.
-const WRONG_STATE: u32 = Abort::WrongState.code();
 
 /// For how long a write is tried again that is refused for a reason that ends by itself: a node
 /// whose other channel does not take part has no angle while it leaves OPERATIONAL.
@@ -33,6 +30,12 @@ const SETTLING: Duration = Duration::from_secs(2);
 
 /// Objects that count from the next reset on only; all others count at once.
 const FROM_RESET: [(u16, u8); 3] = [(0x1F80, 0), (0x2003, 0), (0x2053, 2)];
+
+/// The time between two heartbeats.
+const HEARTBEAT: u16 = 0x1017;
+
+/// How many nodes a Plumb supervises at most: the sub-indices of 1016h.
+const SUPERVISED: u8 = 4;
 
 /// What is written.
 #[derive(Clone, Debug, Args)]
@@ -68,6 +71,10 @@ struct Written {
     counts_from: &'static str,
     /// It is lost with the supply until it is saved.
     to_be_saved: bool,
+    /// Its state before is not known, and it is in PRE-OPERATIONAL now.
+    is_left: bool,
+    /// What the other channel makes of it.
+    note: Option<String>,
 }
 
 #[derive(Clone, Debug, Serialize)]
@@ -142,12 +149,14 @@ fn write(
     may_stop: bool,
 ) -> Result<Written, CommissionError> {
     let write = |node: &mut Node| write_here(node, named, row, number);
-    match may_stop {
+    let written = match may_stop {
         true => node
             .set_up(true, write)
             .map_err(|error| error.unwrap_or(Fault::Interrupted.into())),
         false => write(node),
-    }
+    };
+    let is_left = node.is_left;
+    written.map(|written| Written { is_left, ..written })
 }
 
 /// Writes in the state in which the node is.
@@ -190,13 +199,14 @@ fn why_not(node: &mut Node, named: &Named) -> CommissionError {
         _ => None,
     };
     let asked = sub.map(|sub| node.number(0x2025, sub)).transpose();
-    match (asked, node.state()) {
+    match (asked, node.state_or_work()) {
         (Err(fault), _) | (_, Err(fault)) => fault.into(),
         (Ok(Some(Some(reason))), _) if reason != 0 => {
             let reason = u8::try_from(reason).unwrap_or(u8::MAX);
             CommissionError::NoAngle(id, name, reason)
         }
         (_, Ok(Some(Ok(State::Operational)))) => CommissionError::State(id, name),
+        (_, Ok(None)) => CommissionError::UnheardState(id, name),
         _ => CommissionError::WrongState(id, name),
     }
 }
@@ -239,7 +249,51 @@ fn read_back(
         text: shown.text,
         counts_from,
         to_be_saved,
+        is_left: false,
+        note: supervised(node, named, number)?,
     })
+}
+
+/// A new time between heartbeats that the other channel takes for lost ones (1016h).
+fn supervised(node: &mut Node, named: &Named, number: i64) -> Result<Option<String>, Fault> {
+    if named.index != HEARTBEAT {
+        return Ok(None);
+    }
+    let peer = node.number(0x2001, 0)?;
+    let Some(peer) = peer.and_then(|peer| u8::try_from(peer).ok()) else {
+        return Ok(None);
+    };
+    for sub in 1..=SUPERVISED {
+        // One that does not answer has other faults than this.
+        let entry = match Client::new(node.bus, peer).read_u32(0x1016, sub) {
+            Ok(entry) => entry,
+            Err(SdoError::Lost(error)) => return Err(Fault::bus(error)),
+            Err(SdoError::Interrupted) => return Err(Fault::Interrupted),
+            Err(_) => break,
+        };
+        let (id, time) = (entry >> 16 & 0x7F, i64::from(entry & 0xFFFF));
+        if id == u32::from(node.id) && time > 0 && !(1..time).contains(&number) {
+            return Ok(Some(too_seldom(node.id, number, (peer, sub, time))));
+        }
+    }
+    Ok(None)
+}
+
+/// The sentence on a heartbeat that comes each `number` ms, or never, to a `peer` that waits for it
+/// no longer than `time` ms.
+fn too_seldom(id: u8, number: i64, (peer, sub, time): (u8, u8, i64)) -> String {
+    let (often, remedy) = match number {
+        0 => ("", "0".to_owned()),
+        // As delivered: 500 ms for a heartbeat of 200 ms.
+        _ => (
+            " again and again",
+            format!("{id}:{}ms", (number * 5 / 2).min(0xFFFF)),
+        ),
+    };
+    format!(
+        "node {peer}, the other channel, waits for this heartbeat for {time} ms (1016h sub {sub}), \
+         and reports it lost (8130h){often}: plumb set 1016h:{sub} {remedy} --node {peer}"
+    )
 }
 
 /// Objects that do not read what was written to them: commands, and counts that are cleared.
@@ -260,7 +314,9 @@ fn line(named: &Named, done: &Written) -> String {
         false => String::new(),
     };
     let (node, name, text) = (done.node, &named.name, &done.text);
-    format!("node {node}: {name} is {text}, {counts}{saved}\n")
+    let note = done.note.iter().map(|note| format!("note: {note}\n"));
+    let lines = format!("node {node}: {name} is {text}, {counts}{saved}\n");
+    lines + &note.collect::<String>() + &left(node, done.is_left)
 }
 
 #[cfg(test)]

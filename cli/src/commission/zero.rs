@@ -311,15 +311,37 @@ fn angle(node: &mut Node, index: u16) -> Result<Option<f64>, CommissionError> {
 /// The mean of some readings, since single ones scatter by the noise of the sensor; `None` where
 /// one of them is none.
 fn mean(node: &mut Node, index: u16) -> Result<Option<f64>, CommissionError> {
-    let mut sum = 0.0;
+    let mut readings = Vec::new();
     for _ in 0..READINGS {
         sleep(BETWEEN);
-        let Some(reading) = angle(node, index)? else {
-            return Ok(None);
-        };
-        sum += reading;
+        match angle(node, index)? {
+            Some(reading) => readings.push(reading),
+            None => return Ok(None),
+        }
     }
-    Ok(Some(sum / f64::from(READINGS)))
+    Ok(mean_angle(&readings))
+}
+
+/// The mean of angles that are close to each other. Angles of the full circle may lie on both
+/// sides of its seam, so the differences to the first one are averaged, the shorter way round.
+fn mean_angle(readings: &[f64]) -> Option<f64> {
+    let first = *readings.first()?;
+    let off = readings.iter().map(|reading| half_turn(reading - first));
+    let mean = first + off.sum::<f64>() / readings.len() as f64;
+    let [low, high] = readings.iter().fold([first; 2], |[low, high], reading| {
+        [low.min(*reading), high.max(*reading)]
+    });
+    Some(match (high - low > 180.0, low < 0.0) {
+        // No seam: a slope of two axes may even have an offset beyond 180 deg.
+        (false, _) => mean,
+        (true, true) => half_turn(mean),
+        (true, false) => mean.rem_euclid(360.0),
+    })
+}
+
+/// To -180 deg to just under +180 deg.
+fn half_turn(deg: f64) -> f64 {
+    (deg + 180.0).rem_euclid(360.0) - 180.0
 }
 
 fn line(done: &Zeroed) -> String {
@@ -340,4 +362,27 @@ fn line(done: &Zeroed) -> String {
         angle(done.after_deg),
         angle(done.offset_deg)
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_mean_of_readings_on_both_sides_of_180_deg_was_an_angle_far_away() {
+        let near = |readings: &[f64], expected: f64| {
+            let mean = mean_angle(readings).unwrap();
+            assert!((mean - expected).abs() < 1e-9, "{readings:?}: {mean}");
+        };
+        near(&[179.97, -179.97, -179.97, -179.97], -179.985);
+        near(&[-179.97, 179.97, 179.97, 179.97], 179.985);
+        near(&[-179.99, 179.98, 179.98], 179.99);
+        near(&[0.01, 359.98, 359.98], 359.99);
+        near(&[359.99, 0.02, 0.02], 0.01);
+        near(&[-0.01, 0.02, 0.02], 0.01);
+        // Neither of these has a seam.
+        near(&[194.99, 195.01], 195.0);
+        near(&[-90.0, -89.0], -89.5);
+        assert_eq!(mean_angle(&[]), None);
+    }
 }

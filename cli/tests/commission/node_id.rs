@@ -95,3 +95,46 @@ fn node_id_interrupted_behind_the_reset_did_not_print_that_the_nodes_have_change
     );
     assert_are(&mut bench, [10, 11]);
 }
+
+#[test]
+fn a_node_id_was_changed_while_the_other_channel_that_refers_to_it_was_off() {
+    let mut bench = Bench::new(&[]);
+    bench.word("power b off");
+    bench.pass(0.5);
+    let words = ["node-id", "7", "--node", "1"];
+    let told = bench.refused(&words);
+    assert!(
+        told.contains("node 2, the other channel of node 1, does not answer")
+            && told.contains("nothing was written")
+            && told.contains("--force"),
+        "{told}"
+    );
+    bench.nmt(RESETS[0], 0);
+    assert_eq!(bench.json(&["scan"])["nodes"][0]["node"], 1);
+    let done = bench.done(&[&words[..], &["--force"]].concat());
+    assert!(
+        done.contains("node 7 answers\n") && done.contains("node 2, its other channel,"),
+        "{done}"
+    );
+    bench.word("power b on");
+    bench.pass(1.2);
+    // As the note states.
+    assert!(
+        done.ends_with("`plumb node-id --pair 7,2 --node 7,2`"),
+        "{done}"
+    );
+    let done = bench.done(&["node-id", "--pair", "7,2", "--node", "7,2"]);
+    assert!(done.contains("nodes 7 and 2 compare"), "{done}");
+}
+
+#[test]
+fn a_fresh_node_alone_gets_its_node_id() {
+    let mut bench = Bench::quick(&["--node-ids", "none"]);
+    bench.word("power b off");
+    bench.pass(0.5);
+    let done = bench.done(&["node-id", "5"]);
+    assert!(
+        done.contains("node 5 answers; no other channel refers to it yet"),
+        "{done}"
+    );
+}

@@ -125,3 +125,108 @@ fn two_channels_a_were_calibrated_as_one_instrument() {
     }
     bench.done(&["calibrate", "--keep", &path, "--nodes", "4,3"]);
 }
+
+/// An instrument whose nodes send no heartbeat, after this NMT command to both.
+fn unheard(command: Option<u8>, more: &[&str]) -> Bench {
+    let mut bench = Bench::quick(more);
+    bench.done(&["set", "heartbeat", "0ms", "--node", "all"]);
+    if let Some(command) = command {
+        bench.nmt(command, 0);
+        bench.pass(2.0);
+    }
+    bench
+}
+
+fn assert_operational(bench: &Bench, node: &str) {
+    let told = bench.refused(&["save", "--node", node]);
+    assert!(
+        told.contains("is OPERATIONAL, where it stores nothing"),
+        "{told}"
+    );
+}
+
+const UNKNOWN: &str = "sends no heartbeat (1017h), so its state before is not known and it is left \
+                       in PRE-OPERATIONAL";
+
+#[test]
+fn without_a_heartbeat_stop_left_a_node_operational_and_the_verb_failed() {
+    let bench = unheard(Some(START), &[]);
+    assert_operational(&bench, "1");
+    for words in [&["save"][..], &["restore"], &["set", "nmt-startup", "0"]] {
+        let done = bench.done(&[words, &["--stop", "--node", "1"]].concat());
+        assert!(!done.contains("PRE-OPERATIONAL"), "{done}");
+        assert_operational(&bench, "1");
+    }
+}
+
+#[test]
+fn without_a_heartbeat_node_id_did_not_stop_the_nodes() {
+    let bench = unheard(Some(START), &[]);
+    bench.done(&["save", "--stop"]);
+    let done = bench.done(&["node-id", "7", "--node", "1", "--stop"]);
+    assert!(done.contains("nodes 7 and 2 compare"), "{done}");
+    assert!(!done.contains("PRE-OPERATIONAL"), "{done}");
+    for node in ["2", "7"] {
+        assert_operational(&bench, node);
+    }
+}
+
+#[test]
+fn without_a_heartbeat_bitrate_did_not_stop_the_nodes() {
+    let mut bench = unheard(Some(START), &[]);
+    let told = bench.refused(&["bitrate", "500"]);
+    assert!(
+        told.contains("OPERATIONAL do not answer LSS: 1, 2;"),
+        "{told}"
+    );
+    let out = bench.at_500_kbit(&["--stop"], 0.75);
+    assert!(
+        out.ends_with("node 2: 500 kbit/s, changed and stored"),
+        "{out}"
+    );
+    for node in ["1", "2"] {
+        assert_operational(&bench, node);
+    }
+}
+
+#[test]
+fn a_node_whose_state_nothing_tells_is_left_in_pre_operational_with_a_word() {
+    for command in [None, Some(STOP)] {
+        let mut bench = unheard(command, &[]);
+        let done = bench.done(&["save", "--stop", "--node", "1"]);
+        assert!(done.contains(&format!("note: node 1 {UNKNOWN}")), "{done}");
+        let save = bench.json(&["save", "--stop", "--node", "1"]);
+        assert_eq!(save["left_nodes"], serde_json::json!([1]));
+        bench.nmt(STOP, 1);
+        let done = bench.done(&["restore", "--stop", "--node", "1"]);
+        assert!(done.contains(UNKNOWN), "{done}");
+    }
+    let mut bench = unheard(None, &[]);
+    let done = bench.done(&["node-id", "7", "--node", "1", "--stop"]);
+    assert!(done.contains(&format!("node 7 {UNKNOWN}")), "{done}");
+    bench.done(&["set", "heartbeat", "0ms", "--node", "7"]);
+    let out = bench.at_500_kbit(&["--stop"], 0.75);
+    assert!(out.contains(&format!("note: node 7 {UNKNOWN}")), "{out}");
+}
+
+/// It was to be looked for among the faults, and in `plumb info`, which does not show it.
+#[test]
+fn a_node_without_a_heartbeat_and_pdos_was_not_named_as_operational() {
+    let mut bench = unheard(None, &[]);
+    for (tpdo, id) in [0x180, 0x280, 0x380, 0x480].into_iter().enumerate() {
+        let (address, cob_id) = (format!("180{tpdo}h:1"), format!("0x8000{:04X}", id + 1));
+        bench.done(&["set", &address, &cob_id, "--node", "1"]);
+    }
+    bench.nmt(START, 0);
+    bench.pass(2.0);
+    for words in [&["save"][..], &["restore"], &["set", "1301h:2", "30"]] {
+        let told = bench.refused(&[words, &["--node", "1"]].concat());
+        assert!(
+            told.contains("(abort code 0800 0022h), and sends no heartbeat")
+                && told.contains("use --stop"),
+            "{told}"
+        );
+    }
+    let done = bench.done(&["set", "1301h:2", "30", "--node", "1", "--stop"]);
+    assert!(done.contains(UNKNOWN), "{done}");
+}

@@ -87,7 +87,8 @@ impl Moment {
     /// In ns of a log whose first frame has this time.
     pub fn ns(self, first_ns: u64) -> u64 {
         match self {
-            Self::AfterStart(seconds) => first_ns.saturating_add((seconds * 1e9) as u64),
+            // The nearest: the double of 1.001 s is below it.
+            Self::AfterStart(seconds) => first_ns.saturating_add((seconds * 1e9).round() as u64),
             Self::At(ns) => ns,
         }
     }
@@ -149,6 +150,16 @@ mod tests {
         let has = [0, 5, 6, 8, 9].map(|s| six.has(first_ns + s * S));
         assert_eq!(has, [false, false, true, true, false]);
         assert_eq!(six.outside(), 3);
+    }
+
+    #[test]
+    fn the_frame_at_the_very_end_was_left_out() {
+        let first_ns = 1_700_000_000 * S;
+        for ms in 1..5_000 {
+            let mut until = part("0", &format!("{}.{:03}", ms / 1000, ms % 1000)).unwrap();
+            let has = [0, 1_000_000 * ms, 1_000_000 * ms + 1].map(|ns| until.has(first_ns + ns));
+            assert_eq!(has, [true, true, false], "{ms} ms");
+        }
     }
 
     #[test]

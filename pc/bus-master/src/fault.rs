@@ -40,6 +40,10 @@ pub enum Fault {
         b = *.2 as u8
     )]
     Left(String, u8, Command),
+    /// A node was taken to PRE-OPERATIONAL and its state before is not known: why it ended, the
+    /// node.
+    #[error("{0}; {a}", a = unknown(*.1))]
+    Unknown(String, u8),
     /// A node has refused, or the transfer failed.
     #[error("{0}")]
     Sdo(SdoError),
@@ -77,6 +81,15 @@ impl Fault {
     pub fn nobody(bus: &mut Bus) -> Self {
         diagnosis::silence(bus, None).map_or_else(Self::bus, Self::Silent)
     }
+}
+
+/// What becomes of a node that was taken to PRE-OPERATIONAL out of a state that nothing tells.
+pub fn unknown(node: u8) -> String {
+    format!(
+        "node {node} sends no heartbeat (1017h), so its state before is not known and it is left \
+         in PRE-OPERATIONAL: where it has to work, start it by NMT (frame 000h 01 {node:02X}, as \
+         `cansend can0 000#01{node:02X}`)"
+    )
 }
 
 /// The state to which a command takes a node.

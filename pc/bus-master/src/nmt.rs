@@ -4,7 +4,9 @@
 //!
 //! Left out: node guarding.
 
+use std::collections::BTreeSet;
 use std::io;
+use std::ops::RangeInclusive;
 use std::time::{Duration, Instant};
 
 pub use canopen::nmt::{Command, State};
@@ -13,6 +15,9 @@ use super::{Bus, Received};
 
 /// What an error control message tells: a state, or a number that stands for none.
 pub type Told = Result<State, u8>;
+
+/// Identifiers that a PDO may have: those between SYNC, EMCY and TIME, and SDO.
+const PDOS: RangeInclusive<u16> = 0x101..=0x57F;
 
 /// Sends a command.
 ///
@@ -44,6 +49,27 @@ pub fn state(bus: &mut Bus, node: u8, patience: Duration) -> io::Result<Option<T
         }
     }
     Ok(None)
+}
+
+/// The state that a node's next heartbeat tells; where none has come in time, the identifiers of
+/// the PDOs that were heard meanwhile.
+///
+/// Errors: as [`state`].
+pub fn state_or_pdos(
+    bus: &mut Bus,
+    node: u8,
+    patience: Duration,
+) -> io::Result<Result<Told, BTreeSet<u16>>> {
+    let until = Instant::now() + patience;
+    let mut pdos = BTreeSet::new();
+    while let Some(received) = bus.receive(until)? {
+        match heartbeat(&received) {
+            Some((from, state)) if from == node => return Ok(Ok(state)),
+            _ if received.frame.is_remote() => {}
+            _ => pdos.extend(received.frame.cob_id().filter(|id| PDOS.contains(id))),
+        }
+    }
+    Ok(Err(pdos))
 }
 
 /// Waits for a node's heartbeat in this state; false when it has not come in time.

@@ -1,8 +1,10 @@
 //! Objects of a node, read and written with silence looked into.
 //!
 //! In: a bus, a node, objects. Out: what they hold, shown with the node's own resolution, which is
-//! asked for once. A guard brings a node out of OPERATIONAL and back where the user allows it. Who
-//! comes back to a silent node has its transfers as they end, without the look into the silence.
+//! asked for once. A guard brings a node out of OPERATIONAL and back where the user allows it. One
+//! that sends no heartbeat is OPERATIONAL where it sends PDOs; otherwise its state is not known,
+//! and it stays in PRE-OPERATIONAL. Who comes back to a silent node has its transfers as they end,
+//! without the look into the silence.
 //!
 //! Left out: which nodes and which objects.
 
@@ -25,6 +27,12 @@ const HEARTBEAT: Duration = Duration::from_secs(1);
 /// How often a question is asked of a node that answers others.
 const ROUNDS: usize = 3;
 
+/// The communication parameters of TPDOs, as many as a Plumb has at most.
+const TPDOS: std::ops::Range<u16> = 0x1800..0x1808;
+
+/// Bits 31 and 29 of a COB-ID: the PDO is off, or has an identifier of 29 bit.
+const NOT_HEARD: u32 = 1 << 31 | 1 << 29;
+
 /// How long a node has to be in the state that it was told.
 const CHANGE: Duration = Duration::from_secs(2);
 
@@ -35,6 +43,8 @@ pub struct Node<'a> {
     pub bus: &'a mut Bus,
     /// Its id.
     pub id: u8,
+    /// It was taken to PRE-OPERATIONAL and stays there, since its state before is not known.
+    pub is_left: bool,
     patient: bool,
     resolutions: BTreeMap<u16, Option<u32>>,
 }
@@ -45,6 +55,7 @@ impl<'a> Node<'a> {
         Self {
             bus,
             id,
+            is_left: false,
             patient: false,
             resolutions: BTreeMap::new(),
         }
@@ -153,6 +164,41 @@ impl<'a> Node<'a> {
         nmt::state(self.bus, self.id, patience)
     }
 
+    /// The state by its next heartbeat; one that sends none is OPERATIONAL where it sends PDOs,
+    /// which no node does in another state. `None` where neither tells.
+    ///
+    /// Errors: see [`Fault`].
+    pub fn state_or_work(&mut self) -> Result<Option<Told>, Fault> {
+        let heard = nmt::state_or_pdos(self.bus, self.id, HEARTBEAT).map_err(Fault::bus)?;
+        let pdos = match heard {
+            Ok(state) => return Ok(Some(state)),
+            Err(pdos) => pdos,
+        };
+        if pdos.is_empty() {
+            return Ok(None);
+        }
+        for index in TPDOS {
+            // The first one that it does not have is the last one to ask for.
+            let Some(cob_id) = self.tpdo(index)? else {
+                break;
+            };
+            if cob_id & NOT_HEARD == 0 && pdos.contains(&((cob_id & 0x7FF) as u16)) {
+                return Ok(Some(Ok(State::Operational)));
+            }
+        }
+        Ok(None)
+    }
+
+    /// The identifier of a TPDO; a node that does not answer, as in STOPPED, sends none.
+    fn tpdo(&mut self, index: u16) -> Result<Option<u32>, Fault> {
+        match self.client().read_u32(index, 1) {
+            Ok(cob_id) => Ok(Some(cob_id)),
+            Err(SdoError::Lost(error)) => Err(Fault::bus(error)),
+            Err(SdoError::Interrupted) => Err(Fault::Interrupted),
+            Err(_) => Ok(None),
+        }
+    }
+
     /// Sends an NMT command to it.
     ///
     /// Errors: see [`Fault`].
@@ -162,28 +208,59 @@ impl<'a> Node<'a> {
 
     /// Does something in PRE-OPERATIONAL and returns to the state in which the node was,
     /// OPERATIONAL or STOPPED, also when it failed. In STOPPED no node answers SDO: where it may
-    /// not be brought out of it, the work reports this.
+    /// not be brought out of it, the work reports this. Where the state is not known, the node
+    /// stays in PRE-OPERATIONAL ([`Node::is_left`]).
     ///
     /// Errors: `Err(None)` when the node is OPERATIONAL and may not be stopped, those of `work`,
-    /// and [`Fault::Left`].
+    /// [`Fault::Left`] and [`Fault::Unknown`].
     pub fn set_up<T, E: From<Fault> + Display>(
         &mut self,
         may_stop: bool,
         work: impl FnOnce(&mut Self) -> Result<T, E>,
     ) -> Result<T, Option<E>> {
         let fault = |fault| Some(E::from(fault));
-        let state = self.state().map_err(fault)?;
-        if state.is_none() {
-            // It sends no heartbeat, or is not there: then nothing is written.
-            self.number(0x1000, 0).map_err(fault)?;
-        }
+        let state = self.state_or_work().map_err(fault)?;
         let done = match state {
             Some(Ok(State::Operational)) if !may_stop => return Err(None),
             Some(Ok(State::Operational)) => self.apart(Command::Start, work),
             Some(Ok(State::Stopped)) if may_stop => self.apart(Command::Stop, work),
+            None if may_stop => self.left(work),
+            None => {
+                // It sends no heartbeat, or is not there: then nothing is written.
+                self.number(0x1000, 0).map_err(fault)?;
+                work(self)
+            }
             _ => work(self),
         };
         done.map_err(Some)
+    }
+
+    /// Does something in PRE-OPERATIONAL, where the node stays: nothing has told its state.
+    fn left<T, E: From<Fault> + Display>(
+        &mut self,
+        work: impl FnOnce(&mut Self) -> Result<T, E>,
+    ) -> Result<T, E> {
+        self.enter_unheard()?;
+        self.is_left = true;
+        work(self).map_err(|error| Fault::Unknown(error.to_string(), self.id).into())
+    }
+
+    /// Takes a node to PRE-OPERATIONAL that sends no heartbeat. It is there where it answers
+    /// behind the command, which comes first on the bus.
+    ///
+    /// Errors: see [`Fault`]; a node that is heard in no way was sent the command all the same,
+    /// since it may be in STOPPED.
+    pub fn enter_unheard(&mut self) -> Result<(), Fault> {
+        use Silence::{BusSilent, NoNodes, OnlySends, Others};
+        match self.number(0x1000, 0) {
+            Ok(_) => {}
+            Err(Fault::Silent(
+                BusSilent { .. } | NoNodes { .. } | OnlySends(_) | Others { .. },
+            )) => {}
+            Err(fault) => return Err(fault),
+        }
+        self.command(Command::EnterPreOperational)?;
+        self.number(0x1000, 0).map(drop)
     }
 
     /// Does something in PRE-OPERATIONAL; `back` returns to the state in which the node was.

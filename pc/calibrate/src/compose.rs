@@ -21,7 +21,7 @@ use super::fit::Stand;
 use super::gyroscope;
 use super::hand::{self, POSES};
 use super::motor::Axis;
-use super::reading::Reading;
+use super::reading::{Reading, wrap};
 use super::session::{Node, Session, decode};
 
 /// Standard uncertainty of what the 1/f noise of the sensor does between two stands, deg: 0.04 mg.
@@ -300,7 +300,8 @@ fn differences(stands: &[Stand]) -> Vec<Difference> {
     two.map(|stand| {
         let errors = [stand.error_deg(0), stand.error_deg(1)];
         let difference_deg = match errors {
-            [Ok(a), Ok(b)] => Some(a - b),
+            // Before the calibration a sensor may stand anywhere in its housing.
+            [Ok(a), Ok(b)] => Some(wrap(a - b)),
             _ => None,
         };
         Difference {
@@ -387,5 +388,23 @@ mod tests {
         // Another calibration to `plumb verify`, which compares the check sum.
         assert_ne!(with.as_left_crc32, without.as_left_crc32);
         assert_eq!(with.span_min_degc, without.span_min_degc);
+    }
+
+    #[test]
+    fn two_sensors_as_found_on_both_sides_of_180_deg_differed_by_a_whole_turn() {
+        let reading = |deg| Reading {
+            accel: [0.0; 3],
+            scatter_mg: 0.0,
+            temperature_c: 25.0,
+            angle_deg: [Ok(deg), Err(6)],
+            rate_rad_s: None,
+        };
+        let stand = Stand {
+            axis: Axis::X,
+            reference_deg: 0.0,
+            readings: vec![reading(179.5), reading(-179.7)],
+        };
+        let found = differences(&[stand])[0].difference_deg.unwrap();
+        assert!((found + 0.8).abs() < 1e-9, "{found}");
     }
 }

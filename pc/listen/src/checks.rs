@@ -24,11 +24,13 @@ pub enum Check {
     /// The states of both channels contradict each other, or a channel sees agreement where the
     /// angles that were told differ by more than they may.
     State,
+    /// A slope in another unit (6000h) than it was taken in; it is not used.
+    Unit,
 }
 
 impl Check {
     /// Every one of them.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 9] = [
         Self::Length,
         Self::Range,
         Self::Validity,
@@ -37,6 +39,7 @@ impl Check {
         Self::Missed,
         Self::Difference,
         Self::State,
+        Self::Unit,
     ];
 
     /// In words, of several.
@@ -50,6 +53,7 @@ impl Check {
             Self::Missed => "PDOs missing after a SYNC",
             Self::Difference => "differences (2024h) that are not those of the angles sent",
             Self::State => "states of the pair that contradict each other or the angles",
+            Self::Unit => "slopes in another unit (6000h) than taken, not used: state it by --eds",
         }
     }
 
@@ -64,6 +68,7 @@ impl Check {
             Self::Missed => "missed",
             Self::Difference => "difference",
             Self::State => "state",
+            Self::Unit => "unit",
         }
     }
 }
@@ -79,7 +84,19 @@ pub struct Finding {
 
 /// All that was found in what a channel sends.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(from = "Vec<Finding>")]
 pub struct Checks([Finding; Check::ALL.len()]);
+
+impl From<Vec<Finding>> for Checks {
+    /// What was kept before a check existed has fewer of them.
+    fn from(kept: Vec<Finding>) -> Self {
+        let mut checks = Self::default();
+        for (own, kept) in checks.0.iter_mut().zip(kept) {
+            *own = kept;
+        }
+        checks
+    }
+}
 
 impl Checks {
     pub(super) const fn add(&mut self, check: Check, time_ns: u64) {
@@ -115,6 +132,15 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+
+    #[test]
+    fn checks_that_were_kept_before_there_was_another_one_are_read() {
+        let of = |text: &str| serde_json::from_str::<Checks>(text);
+        let one = of(r#"[{"count":2,"first_ns":7}]"#).unwrap();
+        assert_eq!(one.found().count(), 1);
+        let written = serde_json::to_string(&one).unwrap();
+        assert_eq!(of(&written).unwrap(), one);
+    }
 
     proptest! {
         #[test]

@@ -18,13 +18,13 @@ pub struct Values {
     /// Standard uncertainty, 0.001 deg.
     pub uncertainty_mdeg: Option<u16>,
     /// Group delay, ms.
-    pub latency_ms: u8,
+    pub latency_ms: Option<u8>,
     /// The larger difference, 0.001 deg.
     pub difference_mdeg: Option<i16>,
     /// Where it is that of one axis: which, X being 0.
     pub difference_axis: Option<u8>,
     /// Temperature, degC.
-    pub temperature_degc: i8,
+    pub temperature_degc: Option<i8>,
     /// Slope X and Y of the moment, 0.001 deg; `None` where there is none.
     pub now_mdeg: [Option<i32>; 2],
     /// Their standard uncertainty, 0.001 deg.
@@ -40,10 +40,10 @@ const NOTHING: Values = Values {
     validity: None,
     state: None,
     uncertainty_mdeg: None,
-    latency_ms: 0,
+    latency_ms: None,
     difference_mdeg: None,
     difference_axis: None,
-    temperature_degc: 0,
+    temperature_degc: None,
     now_mdeg: [None; 2],
     now_uncertainty_mdeg: None,
     rates: [None; 3],
@@ -84,17 +84,16 @@ pub fn decode(plan: &PdoPlan, bytes: [u8; 8], resolution_mdeg: i32) -> Values {
             What::Validity => values.validity = Some(plain as u8),
             What::State => values.state = Some(plain as u8),
             What::Uncertainty => {
-                let known = plain as u16;
-                let larger = values.uncertainty_mdeg.max(Some(known));
-                values.uncertainty_mdeg = if known == u16::MAX { None } else { larger };
+                // The larger of both; unknown is the largest number, and stays unknown.
+                values.uncertainty_mdeg = values.uncertainty_mdeg.max(Some(plain as u16));
             }
-            What::Latency => values.latency_ms = plain as u8,
+            What::Latency => values.latency_ms = Some(plain as u8),
             What::Difference(axis) => {
                 values.difference_axis = Some(axis).filter(|axis| *axis < 2);
                 let known = signed as i16;
                 values.difference_mdeg = (known != i16::MIN).then_some(known);
             }
-            What::Temperature => values.temperature_degc = signed as i8,
+            What::Temperature => values.temperature_degc = Some(signed as i8),
             What::Angle(axis) => put(&mut values.exchange.angle, axis, signed as i32),
             What::Quality(axis) => put(&mut values.exchange.quality, axis, plain as u8),
             What::Vector(axis) => put(&mut values.exchange.vector, axis, signed as i16),
@@ -103,6 +102,8 @@ pub fn decode(plan: &PdoPlan, bytes: [u8; 8], resolution_mdeg: i32) -> Values {
             What::Turned | What::Other => {}
         }
     }
+    let is_known = |mdeg: &u16| *mdeg != u16::MAX;
+    values.uncertainty_mdeg = values.uncertainty_mdeg.filter(is_known);
     values
 }
 
@@ -141,6 +142,25 @@ mod tests {
         assert_eq!(angle.slopes_mdeg, [None; 2]);
         let rates = decode(&node.pdos[5], [0x60, 0xF0, 0xFF, 0x7F, 0, 0x80, 0, 0], 10);
         assert_eq!(rates.rates, [Some(-4000), Some(i16::MAX), None]);
+    }
+
+    #[test]
+    fn an_unknown_uncertainty_before_a_known_one_was_shown_as_known() {
+        let plan = PdoPlan::of(0x281, 10, &[0x2022_0110, 0x2022_0210]);
+        let of = |x: u16, y: u16| {
+            let [[a, b], [c, d]] = [x, y].map(u16::to_le_bytes);
+            decode(&plan, [a, b, c, d, 0, 0, 0, 0], 10).uncertainty_mdeg
+        };
+        assert_eq!((of(0xFFFF, 100), of(100, 0xFFFF)), (None, None));
+        assert_eq!((of(200, 100), of(100, 200)), (Some(200), Some(200)));
+    }
+
+    #[test]
+    fn what_a_mapping_does_not_have_was_0() {
+        let plan = PdoPlan::of(0x281, 10, &[0x2022_0310]);
+        let values = decode(&plan, [20, 0, 0, 0, 0, 0, 0, 0], 10);
+        assert_eq!(values.uncertainty_mdeg, Some(20));
+        assert_eq!((values.latency_ms, values.temperature_degc), (None, None));
     }
 
     proptest! {

@@ -22,6 +22,9 @@ mod side;
 mod supervision;
 #[cfg(test)]
 mod tests;
+mod unit;
+#[cfg(test)]
+mod unit_tests;
 
 pub use checks::{Check, Checks};
 pub use exchange::{Activity, Measured};

@@ -134,6 +134,7 @@ impl Pair {
         if let (Some(sent), Some(place)) = (sent, self.round.slopes.get_mut(number)) {
             *place = Some(sent.mdeg);
         }
+        self.judge_unit(number, time_ns);
         let [Some(a), Some(b)] = [self.sides[0].slopes, self.sides[1].slopes] else {
             return None;
         };
@@ -149,7 +150,11 @@ impl Pair {
     }
 
     /// States that exclude each other are so for a SYNC or two while something happens.
-    fn compare_states(&mut self, a: u8, b: u8) {
+    fn compare_states(&mut self, a: Option<u8>, b: Option<u8>) {
+        let (Some(a), Some(b)) = (a, b) else {
+            self.at_odds_ns = None;
+            return;
+        };
         let fit = a == b
             || matches!(
                 (a, b),
@@ -179,6 +184,7 @@ impl Pair {
         if let (Some(sent), Some(place)) = (sent, self.round.measured.get_mut(number)) {
             *place = Some(Measured::of(&sent.exchange));
         }
+        self.judge_unit(number, time_ns);
         let [Some(a), Some(b)] = self.round.measured else {
             return;
         };
@@ -193,6 +199,22 @@ impl Pair {
         self.watch_apart(is_apart);
     }
 
+    /// Of side `number` one of slopes and measured angles has come: when it is the second one of
+    /// the SYNC, they show whether the slopes have the unit that they are taken in.
+    #[inline]
+    fn judge_unit(&mut self, number: usize, time_ns: u64) {
+        let round = &self.round;
+        let slopes = round.slopes.get(number).is_some_and(Option::is_some);
+        let measured = round.measured.get(number).copied().flatten();
+        if let (true, Some(measured), Some(side)) = (slopes, measured, self.sides.get_mut(number)) {
+            side.judge_unit(time_ns, &measured);
+            if let (true, Some(place)) = (side.unit.is_another(), self.round.slopes.get_mut(number))
+            {
+                *place = Some([None; 2]);
+            }
+        }
+    }
+
     fn remember(&mut self, mdeg: [Option<i32>; 2]) {
         self.unsent = match mdeg.contains(&None) {
             true => RECENT,
@@ -203,7 +225,10 @@ impl Pair {
     }
 
     fn watch_apart(&mut self, is_apart: bool) {
-        let agree = |side: &Side| side.slopes.is_some_and(|slopes| slopes.state == AGREE);
+        let agree = |side: &Side| {
+            side.slopes
+                .is_some_and(|slopes| slopes.state == Some(AGREE))
+        };
         if !is_apart || !self.sides.iter().any(agree) {
             self.apart_ns = None;
             return;

@@ -10,9 +10,11 @@ use device::fault::Fault;
 
 use super::checks::{Check, Checks};
 use super::decode::Values;
+use super::exchange::Measured;
 use super::messages::{Emergency, Part};
 use super::plan::{NodePlan, PdoPlan, What};
 use super::supervision::Heartbeat;
+use super::unit::Unit;
 
 /// A heartbeat that has come.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -33,12 +35,13 @@ pub struct Slopes {
     /// When it was seen.
     pub time_ns: u64,
     /// Slope X and Y, 0.001 deg; `None` where the channel reports that it must not be used: by its
-    /// bit of 2020h, by the number 8000h, or by both.
+    /// bit of 2020h, by the number 8000h, or by both; and while they are in another unit than the
+    /// one they are taken in.
     pub mdeg: [Option<i32>; 2],
     /// Validity (2020h); `None` where no PDO carries it.
     pub validity: Option<u8>,
-    /// State of the pair (2021h).
-    pub state: u8,
+    /// State of the pair (2021h); `None` where none came with them or shortly before.
+    pub state: Option<u8>,
 }
 
 /// What TPDO 2 carries.
@@ -48,14 +51,14 @@ pub struct Detail {
     pub time_ns: u64,
     /// The larger standard uncertainty of X and Y (k = 1), 0.001 deg (2022h).
     pub uncertainty_mdeg: Option<u16>,
-    /// Group delay of the filter, ms (2023h).
-    pub latency_ms: u8,
+    /// Group delay of the filter, ms (2023h); `None` where the PDO does not carry it.
+    pub latency_ms: Option<u8>,
     /// The larger difference to the other channel as the node has formed it, 0.001 deg (2024h).
     pub difference_mdeg: Option<i16>,
     /// Where it is that of one axis: which, X being 0 (2024h sub 1, 2).
     pub difference_axis: Option<u8>,
-    /// Temperature of the sensor, degC (6511h).
-    pub temperature_degc: i8,
+    /// Temperature of the sensor, degC (6511h); `None` where the PDO does not carry it.
+    pub temperature_degc: Option<i8>,
 }
 
 /// What TPDO 5 and 6 of an instrument with a gyroscope carry.
@@ -109,10 +112,17 @@ pub struct Side {
     pub boots: u32,
     /// What does not fit together in what it sends.
     pub checks: Checks,
+    pub(super) unit: Unit,
     pub(super) plan: NodePlan,
     /// PDOs of the plan that came since the SYNC, and since the one before: bit n for PDO n.
     came: u8,
     came_before: u8,
+    /// A SYNC was seen, so that a PDO can come twice after one.
+    has_sync: bool,
+    /// The latest slopes that its validity allows, whatever their unit, 0.001 deg.
+    sent_mdeg: [Option<i32>; 2],
+    /// The latest state of the pair in any of its PDOs, and when it came.
+    state: Option<(u64, u8)>,
     /// When the faults that stand were told.
     faults_ns: Option<u64>,
     /// PDOs that come at every SYNC.
@@ -135,6 +145,10 @@ pub(super) enum Kind {
 /// Numbers of faults that exist, as a set.
 const FAULTS: u32 = (1 << Fault::ALL.len()) - 1;
 
+/// A state in a PDO of its own is that of slopes that come no later than this, as a slope is shown
+/// no longer, ns.
+const STATE_NS: u64 = 1_000_000_000;
+
 /// The highest code of 2021h.
 const LAST_STATE: u8 = 9;
 
@@ -155,8 +169,12 @@ impl Side {
             emergency: None,
             boots: 0,
             checks: Checks::default(),
+            unit: Unit::taken(plan.resolution_mdeg),
             came: 0,
             came_before: 0,
+            has_sync: false,
+            sent_mdeg: [None; 2],
+            state: None,
             faults_ns: None,
             at_every_sync: bits.fold(0, |set, bit| set | bit),
             kinds: plan.pdos.iter().map(kind_of).collect(),
@@ -167,6 +185,7 @@ impl Side {
     /// A SYNC: what came at every SYNC so far and did not come at the last one is missing.
     #[inline]
     pub(super) fn sync(&mut self, time_ns: u64) {
+        self.has_sync = true;
         let missing = self.came_before & !self.came & self.at_every_sync;
         for _ in 0..missing.count_ones() {
             self.checks.add(Check::Missed, time_ns);
@@ -178,7 +197,7 @@ impl Side {
     #[inline]
     pub(super) fn arrived(&mut self, number: u8, every: u8, time_ns: u64) {
         let bit = 1 << number;
-        if every > 0 && self.came & bit != 0 {
+        if self.has_sync && every > 0 && self.came & bit != 0 {
             self.checks.add(Check::Twice, time_ns);
         }
         self.came |= bit;
@@ -190,6 +209,9 @@ impl Side {
         let kind = self.kinds.get(pdo).copied().unwrap_or(Kind::Other);
         if values.state.is_some_and(|state| state > LAST_STATE) {
             self.checks.add(Check::Reserved, time_ns);
+        }
+        if let Some(state) = values.state {
+            self.state = Some((time_ns, state));
         }
         match kind {
             Kind::Slopes => self.take_slopes(time_ns, values),
@@ -206,7 +228,9 @@ impl Side {
             Kind::Exchange(part) => self.take_exchange(time_ns, part, values),
             Kind::Angle => {
                 self.now.angle_ns = Some(time_ns);
-                self.now.mdeg = values.now_mdeg;
+                // They have the unit of the slopes.
+                let is_known = !self.unit.is_another();
+                self.now.mdeg = values.now_mdeg.map(|mdeg| mdeg.filter(|_| is_known));
                 self.now.uncertainty_mdeg = values.now_uncertainty_mdeg;
             }
             Kind::Rates => {
@@ -219,15 +243,22 @@ impl Side {
     }
 
     fn take_slopes(&mut self, time_ns: u64, values: &Values) {
-        // A PDO without them keeps what another one has told.
-        let before = self.slopes.map_or((None, 0), |s| (s.validity, s.state));
-        let validity = values.validity.or(before.0);
+        // A PDO without it keeps what another one has told.
+        let before = self.slopes.and_then(|slopes| slopes.validity);
+        let validity = values.validity.or(before);
         if let Some(validity) = values.validity {
             self.check_validity(time_ns, validity, &values.slopes_mdeg);
         }
         let mut mdeg = values.slopes_mdeg;
         for (axis, mdeg) in mdeg.iter_mut().enumerate() {
             *mdeg = mdeg.filter(|_| validity.is_none_or(|bits| bits & (1 << axis) != 0));
+        }
+        self.sent_mdeg = mdeg;
+        if self.unit.is_another() {
+            if mdeg.iter().any(Option::is_some) {
+                self.checks.add(Check::Unit, time_ns);
+            }
+            mdeg = [None; 2];
         }
         for (mdeg, [low, high]) in mdeg.iter().zip(&self.plan.range_mdeg) {
             if mdeg.is_some_and(|mdeg| mdeg < *low || mdeg > *high) {
@@ -238,8 +269,34 @@ impl Side {
             time_ns,
             mdeg,
             validity,
-            state: values.state.unwrap_or(before.1),
+            state: self.state_at(time_ns),
         });
+    }
+
+    /// The state that came with slopes of this time, or with another PDO shortly before.
+    fn state_at(&self, time_ns: u64) -> Option<u8> {
+        let (state_ns, state) = self.state?;
+        (time_ns.abs_diff(state_ns) <= STATE_NS).then_some(state)
+    }
+
+    /// True while it has slopes that are not used, since they are in another unit (6000h) than they
+    /// are taken in.
+    pub fn has_another_unit(&self) -> bool {
+        self.unit.is_another() && self.sent_mdeg.iter().any(Option::is_some)
+    }
+
+    /// Both slopes and measured angles of a SYNC have come.
+    #[inline]
+    pub(super) fn judge_unit(&mut self, time_ns: u64, measured: &Measured) {
+        let was_another = self.unit.is_another();
+        self.unit.judge(&self.sent_mdeg, measured);
+        // The first ones that are found to be wrong are not shown either.
+        if let (false, true, Some(slopes)) = (was_another, self.unit.is_another(), &mut self.slopes)
+        {
+            slopes.mdeg = [None; 2];
+            self.now.mdeg = [None; 2];
+            self.checks.add(Check::Unit, time_ns);
+        }
     }
 
     /// Bits 0 and 1 of 2020h against the numbers (docs/canopen.md, "Reading an angle"). A valid
@@ -319,6 +376,8 @@ impl Side {
         let lost_since_ns = self.heartbeat.take(time_ns, state == State::Initialising);
         if state == State::Initialising {
             self.boots += 1;
+            self.unit.restart();
+            self.state = None;
             let told_ns = self.faults_ns.filter(|_| self.faults != 0);
             if told_ns.is_none_or(|told_ns| time_ns.abs_diff(told_ns) >= SAME_START_NS) {
                 self.faults = 0;
@@ -336,6 +395,7 @@ impl Side {
     pub(super) fn excuse(&mut self, time_ns: u64) {
         self.heartbeat.excuse(time_ns);
         self.came_before = 0;
+        self.unit.excuse();
     }
 
     /// The acceleration that it told last, 2^-13 g; `None` where there is none.

@@ -262,7 +262,7 @@ fn numbers_and_validity_bits_that_contradict_each_other_are_counted() {
     bus.see(0x181, &slopes(100, 0x3E, 1));
     bus.see(0x181, &slopes(i16::MIN, 0x3F, 1));
     bus.see(0x181, &slopes(i16::MIN, 0x3E, 1));
-    assert_eq!(bus.found(0), [(Check::Validity, 2), (Check::Twice, 2)]);
+    assert_eq!(bus.found(0), [(Check::Validity, 2)]);
     // Out of its range a valid slope may be one that 16 bit cannot hold.
     bus.see(0x082, &[0x10, 0x50, 0x20, 1, 0, 0, 0, 1]);
     bus.see(0x182, &slopes(i16::MIN, 0x3F, 1));
@@ -297,6 +297,60 @@ fn a_pdo_that_stays_away_is_missed_once_and_a_second_one_is_too_many() {
     }
     assert_eq!(bus.found(0), [(Check::Twice, 1), (Check::Missed, 2)]);
     assert_eq!(bus.found(1), [(Check::Missed, 3)]);
+}
+
+#[test]
+fn in_a_log_without_sync_every_pdo_came_twice() {
+    let mut bus = bus();
+    for _ in 0..5 {
+        bus.see(0x181, &slopes(0, 0x3F, 1));
+        bus.see(0x381, &angle(0));
+    }
+    assert_eq!(bus.found(0), []);
+}
+
+/// Node 1 with these mappings of its TPDO 1 and 2.
+fn mapped(slopes: &[u32], detail: &[u32]) -> Bus {
+    let mut node = NodePlan::as_delivered(1);
+    node.pdos[0] = PdoPlan::of(0x181, 1, slopes);
+    node.pdos[1] = PdoPlan::of(0x281, 1, detail);
+    let plan = Plan {
+        nodes: vec![node],
+        ..Plan::default()
+    };
+    Bus {
+        watch: Watch::new(&plan),
+        ..bus()
+    }
+}
+
+#[test]
+fn a_state_that_no_pdo_carries_was_not_compared() {
+    let mut bus = mapped(&[0x6110_0020, 0x6120_0020], &[0x2022_0310]);
+    bus.see(0x181, &[100, 0, 0, 0, 0, 0, 0, 0]);
+    bus.see(0x182, &slopes(100, 0x3F, 8));
+    let state = |bus: &Bus| bus.watch.pairs()[0].sides[0].slopes.unwrap().state;
+    assert_eq!(state(&bus), None);
+    bus.see(0x281, &[20, 0]);
+    let detail = bus.watch.pairs()[0].sides[0].detail.unwrap();
+    assert_eq!((detail.latency_ms, detail.temperature_degc), (None, None));
+    assert_eq!(bus.found(1), [], "with no state there is no contradiction");
+}
+
+#[test]
+fn a_state_in_another_pdo_stayed_for_ever() {
+    let mut bus = mapped(&[0x6110_0020, 0x6120_0020], &[0x2021_0008, 0x2022_0310]);
+    let state = |bus: &Bus| bus.watch.pairs()[0].sides[0].slopes.unwrap().state;
+    bus.see(0x281, &[6, 20, 0]);
+    bus.see(0x181, &[0; 8]);
+    assert_eq!(state(&bus), Some(6));
+    bus.pass(1_100);
+    bus.see(0x181, &[0; 8]);
+    assert_eq!(state(&bus), None);
+    bus.see(0x281, &[6, 20, 0]);
+    bus.see(0x701, &[0]);
+    bus.see(0x181, &[0; 8]);
+    assert_eq!(state(&bus), None, "that was of before its restart");
 }
 
 #[test]

@@ -92,7 +92,7 @@ pub struct Extra {
     /// State of the pair that was told last.
     pub state: Option<u8>,
     /// Kinds of findings that were told, bit n for check n.
-    pub checked: u8,
+    pub checked: u16,
     /// Faults that were told and not taken back.
     pub told: u32,
 }
@@ -399,12 +399,15 @@ impl Model {
             return;
         };
         extra.slopes.take(now_ns);
-        let before = extra.state.replace(slopes.state);
-        if before == Some(slopes.state) {
+        // Slopes that come without a state say nothing new of it.
+        let Some(state) = slopes.state else {
+            return;
+        };
+        if extra.state.replace(state) == Some(state) {
             return;
         }
-        let text = words::state(slopes.state, seen_from(side)).into_owned();
-        self.add_event(place, Kind::Verdict, level::of_state(slopes.state), text);
+        let text = words::state(state, seen_from(side)).into_owned();
+        self.add_event(place, Kind::Verdict, level::of_state(state), text);
     }
 
     fn exchanged(&mut self, place: Place) {
@@ -440,7 +443,7 @@ impl Model {
                 .enumerate()
             {
                 for (check, _) in side.checks.found() {
-                    let bit = 1 << check as u8;
+                    let bit = 1 << check as u16;
                     // A frame of a wrong length is told with its identifier.
                     if extra.checked & bit != 0 || check == Check::Length {
                         continue;

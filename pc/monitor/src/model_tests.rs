@@ -103,6 +103,61 @@ fn different_presets_were_shown_as_a_difference_of_a_pair_that_agrees() {
 }
 
 #[test]
+fn slopes_of_0_1_deg_were_shown_as_a_tenth_of_the_angle_and_ok() {
+    let mut bench = Bench::new();
+    for _ in 0..8 {
+        // 30 deg in 0.1 deg.
+        bench.cycle([300, 300], [1, 1]);
+        bench.take(0x381, &angle(30_000));
+        bench.take(0x382, &angle(30_000));
+    }
+    let instrument = &bench.see().instruments[0];
+    for channel in &instrument.channels {
+        assert_eq!(channel.slope_x_deg, None);
+        assert!(channel.slope_reason(0).contains("--eds"));
+    }
+    assert_eq!(instrument.difference_x_deg, Some(0.0));
+    let verdict = &instrument.verdict;
+    assert_eq!(verdict.level, Level::Warning);
+    let text = "slopes of A and B: another unit (6000h) than taken: state it by --eds";
+    assert!(verdict.text.starts_with(text), "{}", verdict.text);
+    let told = bench.texts();
+    assert!(
+        told.iter()
+            .any(|text| text.starts_with("A first of: slopes in another unit"))
+    );
+}
+
+#[test]
+fn what_a_mapping_does_not_have_was_0_deg_c_0_ms_and_not_compared() {
+    let mapped = |id: u8| {
+        let mut node = NodePlan::as_delivered(id);
+        let id = u16::from(id);
+        node.pdos[0] = PdoPlan::of(0x180 + id, 1, &[0x6010_0010, 0x6020_0010]);
+        node.pdos[1] = PdoPlan::of(0x280 + id, 10, &[0x2022_0310]);
+        node
+    };
+    let plan = Plan {
+        nodes: vec![mapped(1), mapped(2)],
+        ..Plan::default()
+    };
+    let mut bench = Bench::of(&plan);
+    for id in [1, 2] {
+        bench.take(0x180 + id, &[100, 0, 0, 0]);
+        bench.take(0x280 + id, &[20, 0]);
+    }
+    let instrument = &bench.see().instruments[0];
+    let channel = &instrument.channels[0];
+    assert_eq!((channel.slope_x_deg, channel.state), (Some(1.0), None));
+    assert_eq!(channel.uncertainty_deg, Some(0.04));
+    assert_eq!((channel.latency_ms, channel.temperature_degc), (None, None));
+    let text = "no verdict: the state of the pair (2021h) is not sent";
+    assert_eq!(instrument.verdict.text, text);
+    assert_eq!(instrument.verdict.level, Level::Unknown);
+    assert!(bench.texts().is_empty(), "{:?}", bench.texts());
+}
+
+#[test]
 fn a_sound_pair_shows_its_angles_its_difference_and_its_band() {
     let mut bench = Bench::new();
     bench.heartbeats(5);

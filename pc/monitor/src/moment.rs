@@ -24,6 +24,12 @@ const COVERAGE: f64 = 2.0;
 /// Each of two slopes is rounded to a count of 0.01 deg, so their difference may be off by one.
 const RESOLUTION_DEG: f64 = 0.01;
 
+/// What is shown where no PDO carries the state.
+const NOT_SENT: &str = "no verdict: the state of the pair (2021h) is not sent";
+
+/// Why slopes that the node marks as valid are not shown.
+const OTHER_UNIT: &str = "another unit (6000h) than taken: state it by --eds";
+
 /// TPDO 3's quality is a reason up to this.
 const LAST_REASON: u8 = 31;
 
@@ -134,9 +140,15 @@ fn difference(
     channels: &[Channel; 2],
     axis: usize,
 ) -> Known<f64> {
+    // What is compared is what was measured; slopes have each channel's preset in them.
+    let measured = measured(model, extra);
+    // Slopes of another unit are there, and what was measured has its own.
+    let is_there = |channel: &&Channel| {
+        channel.slope_deg(axis).is_some() || channel.other_unit && measured.is_some()
+    };
     let without: Vec<_> = channels
         .iter()
-        .filter(|channel| channel.slope_deg(axis).is_none())
+        .filter(|channel| !is_there(channel))
         .map(|channel| channel.name)
         .collect();
     if !without.is_empty() {
@@ -146,8 +158,6 @@ fn difference(
     let is_fresh = |time_ns: u64| model.now_ns.saturating_sub(time_ns) <= limit;
     let sloped = extra.delta.filter(|(time_ns, _)| is_fresh(*time_ns));
     let sloped = sloped.and_then(|(_, delta)| delta.mdeg.get(axis).copied().flatten());
-    // What is compared is what was measured; slopes have each channel's preset in them.
-    let measured = measured(model, extra);
     let value = measured.map_or(sloped, |mdeg| mdeg.get(axis).copied().flatten());
     match value {
         Some(mdeg) => Known::Fresh(f64::from(mdeg) / 1000.0),
@@ -183,7 +193,11 @@ fn channel(model: &Model, number: usize, side: &Side, extra: &Extra) -> Channel 
         d.time_ns
     });
     let why = |old: &Option<f64>| absent(model, side, *old);
-    let [x, y] = [0, 1].map(|axis| slope(model, extra, slopes.as_ref(), axis, why));
+    let other_unit = slopes.is_ok() && side.has_another_unit();
+    let [x, y] = [0, 1].map(|axis| match other_unit {
+        true => Known::Absent(OTHER_UNIT.to_owned()),
+        false => slope(model, extra, slopes.as_ref(), axis, why),
+    });
     let angle_now = Some(side.now).filter(|now| is_young(model, extra, now.angle_ns));
     let heartbeat_ns = side.nmt.map(|(_, time_ns)| time_ns);
     let now_ns = model.now_ns;
@@ -197,6 +211,7 @@ fn channel(model: &Model, number: usize, side: &Side, extra: &Extra) -> Channel 
         slope_y_deg: y.value(),
         slope_x_reason: x.reason().map(str::to_owned),
         slope_y_reason: y.reason().map(str::to_owned),
+        other_unit,
         stale: slopes.is_err(),
         slopes_age_s: side
             .slopes
@@ -204,15 +219,15 @@ fn channel(model: &Model, number: usize, side: &Side, extra: &Extra) -> Channel 
             .map(|age| age as f64 / 1e9),
         validity,
         validity_text: slopes_value.map(|slopes| validity_text(slopes.validity)),
-        state: slopes_value.map(|s| s.state),
+        state: slopes_value.and_then(|s| s.state),
         uncertainty_deg: detail_value
             .and_then(|d| d.uncertainty_mdeg)
             .map(|mdeg| COVERAGE * f64::from(mdeg) / 1000.0),
         difference_deg: detail_value
             .and_then(|d| d.difference_mdeg)
             .map(|mdeg| f64::from(mdeg) / 1000.0),
-        latency_ms: detail_value.map(|d| d.latency_ms),
-        temperature_degc: detail_value.map(|d| d.temperature_degc),
+        latency_ms: detail_value.and_then(|d| d.latency_ms),
+        temperature_degc: detail_value.and_then(|d| d.temperature_degc),
         detail_reason: detail.err().map(|old| why(&old)),
         slope_x_now_deg: angle_now.and_then(|now| now.mdeg[0]).map(degrees),
         slope_y_now_deg: angle_now.and_then(|now| now.mdeg[1]).map(degrees),
@@ -306,11 +321,11 @@ fn slope(
     let reason = code
         .filter(|code| *code <= LAST_REASON)
         .and_then(words::reason);
-    Known::Absent(
-        reason
-            .unwrap_or_else(|| words::no_slope(slopes.state))
-            .into_owned(),
-    )
+    let by_state = || match slopes.state {
+        Some(state) => words::no_slope(state),
+        None => "the channel reports that it must not be used".into(),
+    };
+    Known::Absent(reason.unwrap_or_else(by_state).into_owned())
 }
 
 /// Why a channel has nothing fresh to show.
@@ -352,6 +367,9 @@ fn verdict(extra: &PairExtra, channels: &[Channel; 2]) -> Verdict {
     let [a, b] = channels;
     let text = |side: usize, state: u8| words::state(state, seen_from(side)).into_owned();
     let (level, text) = match (a.state, b.state) {
+        (None, None) if !a.stale && !b.stale => (Level::Unknown, NOT_SENT.to_owned()),
+        (None, None) if !a.stale => (Level::Fault, alone(NOT_SENT.to_owned(), b)),
+        (None, None) if !b.stale => (Level::Fault, alone(NOT_SENT.to_owned(), a)),
         (None, None) => (Level::Unknown, format!("no verdict: {}", a.slope_reason(0))),
         (Some(one), Some(two)) if view(0, one) == view(1, two) => {
             (level::of_state(one), text(0, one))
@@ -363,15 +381,39 @@ fn verdict(extra: &PairExtra, channels: &[Channel; 2]) -> Verdict {
                 format!("A reports: {}; B reports: {}", text(0, one), text(1, two)),
             )
         }
+        (Some(state), None) if !b.stale => half(level::of_state(state), &text(0, state), b),
+        (None, Some(state)) if !a.stale => half(level::of_state(state), &text(1, state), a),
         (Some(state), None) => (Level::Fault, alone(text(0, state), b)),
         (None, Some(state)) => (Level::Fault, alone(text(1, state), a)),
     };
+    let (level, text) = with_units(level, text, channels);
     let (blamed, reason) = blamed(extra, [a.state, b.state]);
     Verdict {
         level,
         text,
         blamed,
         reason,
+    }
+}
+
+/// The other channel is there, and its PDOs do not carry the state.
+fn half(level: Level, text: &str, other: &Channel) -> (Level, String) {
+    let text = format!("{text}; {} does not send its state (2021h)", other.name);
+    (level.max(Level::Unknown), text)
+}
+
+/// A verdict is of what the nodes compare; that slopes are not shown is said beside it.
+fn with_units(level: Level, text: String, channels: &[Channel; 2]) -> (Level, String) {
+    let others = channels.iter().filter(|channel| channel.other_unit);
+    let names: Vec<_> = others.map(|channel| channel.name).collect();
+    if names.is_empty() {
+        return (level, text);
+    }
+    let units = format!("slopes of {}: {OTHER_UNIT}", names.join(" and "));
+    // A line of a terminal has room for one of them.
+    match level {
+        Level::Fault => (level, format!("{text}; {units}")),
+        _ => (Level::Warning, format!("{units}; {text}")),
     }
 }
 

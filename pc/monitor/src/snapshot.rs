@@ -80,6 +80,10 @@ pub struct Channel {
     pub slope_x_reason: Option<String>,
     /// Why there is no slope Y.
     pub slope_y_reason: Option<String>,
+    /// True where its slopes are in another unit (6000h) than they are taken in; it has no slope
+    /// then, and the reason states it.
+    #[serde(skip)]
+    pub other_unit: bool,
     /// True when its latest slopes are too old to be shown.
     pub stale: bool,
     /// Age of its latest TPDO 1, s.
@@ -88,7 +92,7 @@ pub struct Channel {
     pub validity: Option<u8>,
     /// The same in words; `None` only where there is no fresh TPDO 1.
     pub validity_text: Option<String>,
-    /// 2021h of its latest fresh TPDO 1.
+    /// 2021h of its latest fresh TPDO 1; `None` too where no PDO carries it.
     pub state: Option<u8>,
     /// Expanded uncertainty (k = 2) of its slopes, deg.
     pub uncertainty_deg: Option<f64>,

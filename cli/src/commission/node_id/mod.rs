@@ -28,16 +28,16 @@ use clap::Args;
 use serde::Serialize;
 
 use super::answer::Answer;
-use super::common::CommonOptions;
+use super::common::{CommonOptions, unknown};
 use super::error::CommissionError;
 use bus_master::Bus;
-use bus_master::fault::Fault;
+use bus_master::fault::{self, Fault};
 use bus_master::lss::{Identity, Master};
 use bus_master::nmt::{self, Command, State};
 use bus_master::node::Node;
-use bus_master::nodes::{self, NodeOption, Nodes};
+use bus_master::nodes::{self, Missing, NodeOption, Nodes};
 use bus_master::sdo::{Client, SdoError};
-use bus_master::survey::survey;
+use bus_master::survey::{Survey, survey};
 use codes::words;
 use give::Member;
 
@@ -94,6 +94,9 @@ pub struct Arguments {
     /// Take nodes that are OPERATIONAL to PRE-OPERATIONAL for the change, and back
     #[arg(long)]
     pub stop: bool,
+    /// Change one node also where its other channel, which refers to it, does not answer
+    #[arg(long, conflicts_with = "pair")]
+    pub force: bool,
     /// The rest; where no nodes are named, those without a node-id.
     #[command(flatten)]
     pub common: CommonOptions,
@@ -104,7 +107,7 @@ struct Content {
     nodes: Vec<Member>,
     /// Both compare and agree; null where there is no pair.
     agree: Option<bool>,
-    notes: Vec<&'static str>,
+    notes: Vec<String>,
 }
 
 /// What does not follow the node-id.
@@ -116,10 +119,27 @@ struct Work<'a> {
     bus: &'a mut Bus,
     answer: Answer,
     may_stop: bool,
+    /// The other channel may be left behind.
+    may_leave: bool,
     /// Old and new node-ids of those that were taken out of OPERATIONAL.
     stopped: Vec<[u8; 2]>,
+    /// The same of those whose state before is not known, and that stay in PRE-OPERATIONAL.
+    unheard: Vec<[u8; 2]>,
     /// Those that have their new node-ids.
     changed: Vec<u8>,
+    /// What is left to be done.
+    notes: Vec<String>,
+}
+
+/// The other channel of an instrument.
+#[derive(Clone, Copy, Debug)]
+enum Other {
+    /// No node refers to this one.
+    None,
+    /// This node does.
+    There(u8),
+    /// It does not answer, and is left behind.
+    Behind(Missing),
 }
 
 /// Gives node-ids and prints. Exit status 1: everything was done, and the two do not agree.
@@ -132,8 +152,11 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, CommissionError> {
         bus: &mut bus,
         answer,
         may_stop: arguments.stop,
+        may_leave: arguments.force,
         stopped: Vec::new(),
+        unheard: Vec::new(),
         changed: Vec::new(),
+        notes: Vec::new(),
     };
     let done = match (arguments.pair, arguments.id) {
         (Some(pair), _) => work.pair(pair, &arguments.common.nodes),
@@ -141,12 +164,19 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, CommissionError> {
     };
     let back = work.start_again(done.is_ok());
     let changed = std::mem::take(&mut work.changed);
+    let unheard = work.unheard.iter();
+    let left = unheard.map(|[old, new]| if changed.contains(new) { *new } else { *old });
+    let left: Vec<u8> = left.collect();
     let (members, compare) = done.map_err(|error| match error {
-        CommissionError::Fault(why) if !changed.is_empty() => CommissionError::Given(why, changed),
-        error => error,
+        CommissionError::Fault(why) if !changed.is_empty() => {
+            unknown(CommissionError::Given(why, changed), &left)
+        }
+        error => unknown(error, &left),
     })?;
     back?;
-    let notes: Vec<_> = compare.map(|_| SAFETY).into_iter().collect();
+    let mut notes = std::mem::take(&mut work.notes);
+    notes.extend(left.into_iter().map(fault::unknown));
+    notes.extend(compare.map(|_| SAFETY.to_owned()));
     let lines: String = notes.iter().map(|note| format!("note: {note}\n")).collect();
     let content = Content {
         nodes: members,
@@ -173,20 +203,19 @@ impl Work<'_> {
         named: &NodeOption,
     ) -> Result<(Vec<Member>, Option<bool>), CommissionError> {
         let mut members = self.members(named, 1)?;
-        let there = self.there()?;
+        let survey = survey(self.bus, ASKING).map_err(Fault::bus)?;
         let Some(member) = members.first_mut() else {
             return Err(CommissionError::Fresh(0, 1));
         };
-        if there.contains(&id) && member.old_node != Some(id) {
+        if survey.nodes().contains(&id) && member.old_node != Some(id) {
             return Err(CommissionError::Taken(id));
         }
         member.node = id;
-        let old = member.old_node;
-        let other = match old {
-            Some(old) => self.who_knows(&there, old)?,
-            None => None,
+        let other = match member.old_node {
+            Some(old) => self.other(&survey, old)?,
+            None => Other::None,
         };
-        if let (Some(other), Some(channel)) = (other, members[0].channel) {
+        if let (Other::There(other), Some(channel)) = (other, members[0].channel) {
             let own = self.look(other)?;
             if own.channel.is_some_and(|letter| letter != channel) {
                 members.push(Member { node: other, ..own });
@@ -196,8 +225,36 @@ impl Work<'_> {
         match members.len() {
             2 => self.join(&mut members).map(|agree| (members, Some(agree))),
             _ => {
-                self.keep_lss(&members[..1])?;
+                self.keep_lss(&members[0], other)?;
                 Ok((members, None))
+            }
+        }
+    }
+
+    /// The other channel of a node that has a node-id.
+    ///
+    /// Errors: [`CommissionError::Alone`] where it does not answer, and may not be left behind.
+    fn other(&mut self, survey: &Survey, old: u8) -> Result<Other, CommissionError> {
+        let there: Vec<u8> = survey.nodes().into_iter().collect();
+        if let Some(other) = self.who_knows(&there, old)? {
+            return Ok(Other::There(other));
+        }
+        // A channel as delivered has the node-id of the other one, too: whether that one has ever
+        // been there can't be told from here.
+        let missing = nodes::missing(self.bus, survey)?;
+        match missing.into_iter().find(|one| one.node == old) {
+            Some(missing) if !self.may_leave => Err(CommissionError::Alone(missing)),
+            Some(missing) => Ok(Other::Behind(missing)),
+            None => {
+                // One whose answer to everybody was lost.
+                let peer = Node::new(self.bus, old).number(0x2001, 0)?;
+                let late = peer.and_then(|peer| u8::try_from(peer).ok());
+                let late: Vec<u8> = late
+                    .filter(|peer| !there.contains(peer))
+                    .into_iter()
+                    .collect();
+                let other = self.who_knows(&late, old)?;
+                Ok(other.map_or(Other::None, Other::There))
             }
         }
     }
@@ -317,8 +374,14 @@ impl Work<'_> {
         let mut working = Vec::new();
         let changed = members.iter().filter(|m| m.old_node != Some(m.node));
         for (old, new) in changed.filter_map(|m| Some((m.old_node?, m.node))) {
-            if Node::new(self.bus, old).state()? == Some(Ok(State::Operational)) {
-                working.push([old, new]);
+            match Node::new(self.bus, old).state_or_work()? {
+                Some(Ok(State::Operational)) => working.push([old, new]),
+                // It may be OPERATIONAL: in PRE-OPERATIONAL it answers LSS.
+                None if self.may_stop => {
+                    Node::new(self.bus, old).enter_unheard()?;
+                    self.unheard.push([old, new]);
+                }
+                _ => {}
             }
         }
         if !working.is_empty() && !self.may_stop {
@@ -405,13 +468,22 @@ impl Work<'_> {
     }
 
     /// Nothing but the node-id was to be kept: LSS has done so.
-    fn keep_lss(&mut self, members: &[Member]) -> Result<(), CommissionError> {
-        for member in members {
-            let id = member.node;
-            self.say(&format!(
+    fn keep_lss(&mut self, member: &Member, other: Other) -> Result<(), CommissionError> {
+        let id = member.node;
+        let Other::Behind(Missing { node, peer, .. }) = other else {
+            return self.say(&format!(
                 "node {id} answers; no other channel refers to it yet"
-            ))?;
-        }
+            ));
+        };
+        self.say(&format!("node {id} answers"))?;
+        self.notes.push(format!(
+            "node {peer}, its other channel, was not reached and looks for node {node}: when it \
+             is back, use `plumb node-id --pair {pair} --node {pair}`",
+            pair = match member.channel {
+                Some('B') => format!("{peer},{id}"),
+                _ => format!("{id},{peer}"),
+            }
+        ));
         Ok(())
     }
 
@@ -434,8 +506,10 @@ impl Work<'_> {
         }
         for id in [a, b] {
             // One that keeps its node-id may be at work all this time; the reset ends that.
-            if Node::new(self.bus, id).state()? == Some(Ok(State::Operational)) {
-                self.stopped.push([id, id]);
+            match Node::new(self.bus, id).state_or_work()? {
+                Some(Ok(State::Operational)) => self.stopped.push([id, id]),
+                None if !self.changed.contains(&id) => self.unheard.push([id, id]),
+                _ => {}
             }
             nmt::command(self.bus, Command::ResetNode, id).map_err(Fault::bus)?;
         }
@@ -454,7 +528,7 @@ impl Work<'_> {
         let mut started = Vec::new();
         for id in [a, b] {
             let mut node = Node::new(self.bus, id);
-            if node.state()? != Some(Ok(State::Operational)) {
+            if node.state_or_work()? != Some(Ok(State::Operational)) {
                 node.command(Command::Start)?;
                 started.push(id);
             }

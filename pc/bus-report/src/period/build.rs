@@ -306,12 +306,21 @@ fn rate(axis: &str, tally: &Tally) -> RateReport {
     }
 }
 
+/// Why slopes that the channel marks as valid are not used.
+const OTHER_UNIT: &str = "its slopes are in another unit (6000h) than taken: state it by --eds";
+
 fn unusable(why: Unusable, ns: u64) -> UnusableReport {
     UnusableReport {
         state: why.state,
-        state_text: words::state(why.state, words::CHANNELS).into_owned(),
+        state_text: why.state.map_or("not sent".into(), |state| {
+            words::state(state, words::CHANNELS).into_owned()
+        }),
         reason: why.reason,
-        reason_text: words::reason(why.reason).map(Into::into),
+        reason_text: match why.other_unit {
+            true => Some(OTHER_UNIT.to_owned()),
+            false => words::reason(why.reason).map(Into::into),
+        },
+        other_unit: why.other_unit,
         time_s: seconds(ns),
     }
 }
@@ -341,8 +350,8 @@ fn figures(axis: usize, tally: &Tally) -> AxisFigures {
         count: tally.count(),
         min_deg: tally.extremes().map(|both| degrees(both.0)),
         max_deg: tally.extremes().map(|both| degrees(both.1)),
-        mean_deg: tally.mean().map(degrees),
-        std_deg: tally.deviation().map(degrees),
+        mean_deg: tally.mean_angle().map(degrees),
+        std_deg: tally.angle_deviation().map(degrees),
         percentiles: percentiles(tally),
         step_deg: degrees(tally.histogram.step_mdeg() as f64),
     }

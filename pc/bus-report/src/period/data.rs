@@ -151,7 +151,7 @@ pub struct GapReport {
 }
 
 /// An instrument.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct InstrumentReport {
     /// Counted from 1.
     pub number: usize,
@@ -184,7 +184,7 @@ pub struct InstrumentReport {
 }
 
 /// A channel.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct ChannelReport {
     /// `A` or `B`.
     pub channel: String,
@@ -324,16 +324,18 @@ pub struct Percentile {
 }
 
 /// Time without a usable slope.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct UnusableReport {
-    /// State of the pair (2021h).
-    pub state: u8,
+    /// State of the pair (2021h); `null` where it was not sent.
+    pub state: Option<u8>,
     /// The same in words.
     pub state_text: String,
     /// The channel's own reason (2025h), 0 where it had an angle.
     pub reason: u8,
     /// The same in words.
     pub reason_text: Option<String>,
+    /// True where the slopes were in another unit (6000h) than they were taken in.
+    pub other_unit: bool,
     /// How long.
     pub time_s: f64,
 }
@@ -365,7 +367,7 @@ pub struct CodeReport {
 }
 
 /// The difference of the two channels.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct DifferenceReport {
     /// SYNCs compared by TPDO 3, as measured.
     pub syncs_measured: u64,

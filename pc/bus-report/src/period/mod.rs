@@ -25,6 +25,8 @@ mod bench;
 mod forged_tests;
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod unit_tests;
 
 use std::path::PathBuf;
 use std::process::ExitCode;

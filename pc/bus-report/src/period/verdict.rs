@@ -3,7 +3,9 @@
 //! In: the figures of the report. Out: sentences.
 
 use super::clock::length;
-use super::data::{BusReport, EventReport, InstrumentReport, LogsReport, PeriodReport};
+use super::data::{
+    BusReport, ChannelReport, EventReport, InstrumentReport, LogsReport, PeriodReport,
+};
 use crate::totals::Kind;
 use output::plural;
 
@@ -24,15 +26,49 @@ pub fn of(report: &PeriodReport) -> (String, bool) {
         1 => "One instrument".to_owned(),
         count => format!("{count} instruments"),
     };
+    let silent = silent(all) + &in_another_unit(all);
     let sentence = match incidents {
-        0 => format!("{who}, {covered}, no warning and no fault.{share}"),
-        1 => format!("{who}, {covered}, one incident{}.{share}", open(standing)),
+        0 => format!("{who}, {covered}, no warning and no fault.{share}{silent}"),
+        1 => format!(
+            "{who}, {covered}, one incident{}.{share}{silent}",
+            open(standing)
+        ),
         count => format!(
-            "{who}, {covered}, {count} incidents{}.{share}",
+            "{who}, {covered}, {count} incidents{}.{share}{silent}",
             open(standing)
         ),
     };
-    (sentence, incidents == 0)
+    (sentence, incidents == 0 && silent.is_empty())
+}
+
+/// A sentence on the nodes whose slopes were not used, since their unit is not that of the data
+/// sheet.
+fn in_another_unit(all: &[InstrumentReport]) -> String {
+    let channels = all.iter().flat_map(|one| &one.channels);
+    let other = |channel: &&ChannelReport| channel.unusable.iter().any(|why| why.other_unit);
+    let nodes: Vec<String> = channels
+        .filter(other)
+        .map(|channel| channel.node_id.to_string())
+        .collect();
+    match nodes.as_slice() {
+        [] => String::new(),
+        nodes => format!(
+            " Slopes of node {} are in another unit: give the data sheet.",
+            nodes.join(", ")
+        ),
+    }
+}
+
+/// A sentence on the channels of which nothing came: nobody can call them faultless.
+fn silent(all: &[InstrumentReport]) -> String {
+    let channels = all.iter().flat_map(|one| &one.channels);
+    let silent = channels.filter(|channel| !channel.seen);
+    let nodes: Vec<String> = silent.map(|channel| channel.node_id.to_string()).collect();
+    match nodes.as_slice() {
+        [] => String::new(),
+        [node] => format!(" The logs have no frame of node {node}."),
+        nodes => format!(" The logs have no frame of nodes {}.", nodes.join(", ")),
+    }
 }
 
 /// How much data there is, and out of what time.
@@ -229,6 +265,7 @@ pub const LIMITS: [&str; 6] = [
 
 #[cfg(test)]
 mod tests {
+    use super::super::data::UnusableReport;
     use super::*;
 
     #[test]
@@ -238,6 +275,43 @@ mod tests {
         assert_eq!(percent(0.000_001), "0.01 %");
         assert_eq!(percent(0.0), "0 %");
         assert_eq!(percent(0.125), "12.5 %");
+    }
+
+    #[test]
+    fn an_instrument_of_which_one_channel_sent_nothing_was_without_a_fault() {
+        let channel = |node_id, seen| ChannelReport {
+            node_id,
+            seen,
+            usable_s: 1.0,
+            ..ChannelReport::default()
+        };
+        let with = |channels| {
+            let report = PeriodReport {
+                instruments: vec![InstrumentReport {
+                    channels,
+                    ..InstrumentReport::default()
+                }],
+                ..PeriodReport::default()
+            };
+            of(&report)
+        };
+        let (verdict, clean) = with(vec![channel(1, true), channel(2, false)]);
+        assert!(
+            !clean && verdict.ends_with(" The logs have no frame of node 2."),
+            "{verdict}"
+        );
+        let (verdict, clean) = with(vec![channel(1, true), channel(2, true)]);
+        assert!(clean && !verdict.contains("no frame"), "{verdict}");
+        let unusable = vec![UnusableReport {
+            other_unit: true,
+            ..UnusableReport::default()
+        }];
+        let other = ChannelReport {
+            unusable,
+            ..channel(2, true)
+        };
+        let (verdict, clean) = with(vec![channel(1, true), other]);
+        assert!(!clean && verdict.contains("Slopes of node 2"), "{verdict}");
     }
 
     #[test]

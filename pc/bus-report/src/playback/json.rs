@@ -471,7 +471,7 @@ fn spread(of: &Tally) -> SpreadJson {
     SpreadJson {
         count: of.count(),
         min_deg: extremes.map(|(least, _)| f64::from(least) / 1000.0),
-        mean_deg: of.mean().map(|mdeg| mdeg / 1000.0),
+        mean_deg: of.mean_angle().map(|mdeg| mdeg / 1000.0),
         max_deg: extremes.map(|(_, most)| f64::from(most) / 1000.0),
         rms_deg: of.rms().map(|mdeg| mdeg / 1000.0),
     }

@@ -154,10 +154,7 @@ fn degrees(mdeg: i32) -> f64 {
 fn slopes(values: &mut Values, side: &Side) {
     let Some(slopes) = side.slopes else { return };
     set(values, 0, slopes.mdeg.map(|mdeg| mdeg.map(degrees)));
-    let numbers = [
-        slopes.validity.map(f64::from),
-        Some(f64::from(slopes.state)),
-    ];
+    let numbers = [slopes.validity.map(f64::from), slopes.state.map(f64::from)];
     set(values, 2, numbers);
 }
 
@@ -165,9 +162,9 @@ fn detail(values: &mut Values, side: &Side) {
     let Some(detail) = side.detail else { return };
     let numbers = [
         detail.uncertainty_mdeg.map(|mdeg| f64::from(mdeg) / 1000.0),
-        Some(f64::from(detail.latency_ms)),
+        detail.latency_ms.map(f64::from),
         detail.difference_mdeg.map(|mdeg| f64::from(mdeg) / 1000.0),
-        Some(f64::from(detail.temperature_degc)),
+        detail.temperature_degc.map(f64::from),
     ];
     set(values, 6, numbers);
 }
@@ -205,7 +202,7 @@ fn angles(values: &mut Values, measured: &Measured) {
 mod tests {
     use super::*;
     use canopen::Frame;
-    use listen::Plan;
+    use listen::{NodePlan, PdoPlan, Plan};
 
     #[test]
     fn a_unit_is_the_end_of_a_name() {
@@ -247,6 +244,26 @@ mod tests {
             let text: f64 = format!("{seconds}.{ns:09}").parse().unwrap();
             assert_eq!(row.time_s(), text, "{time_ns} ns");
         }
+    }
+
+    #[test]
+    fn what_a_mapping_does_not_have_stood_in_the_table_as_0() {
+        let mut node = NodePlan::as_delivered(1);
+        node.pdos[0] = PdoPlan::of(0x181, 1, &[0x6110_0020, 0x6120_0020]);
+        node.pdos[1] = PdoPlan::of(0x281, 10, &[0x2022_0310]);
+        let plan = Plan {
+            nodes: vec![node],
+            ..Plan::default()
+        };
+        let mut watch = Watch::new(&plan);
+        let mut row = |id: u16, bytes: &[u8]| {
+            let news = watch.take(1, &Frame::data_frame(id, bytes));
+            of_news(news, &watch).unwrap().2
+        };
+        let slopes = row(0x181, &[0xE8, 3, 0, 0, 0, 0, 0, 0]);
+        assert_eq!(slopes[..4], [Some(10.0), Some(0.0), None, None]);
+        let detail = row(0x281, &[20, 0]);
+        assert_eq!(detail[6..10], [Some(0.02), None, None, None]);
     }
 
     #[test]

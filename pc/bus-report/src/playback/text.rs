@@ -196,10 +196,12 @@ fn about_node(text: &mut String, node: &NodeJson) {
     let _ = writeln!(text, "  node {}: {readings}", node.node_id);
     about_spread(text, "X", &node.slope_x);
     about_spread(text, "Y", &node.slope_y);
-    let states: Vec<_> = node
-        .states
-        .iter()
-        .map(|state| format!("{} {}", state.count, state.words))
+    let with_state: u64 = node.states.iter().map(|state| state.count).sum();
+    let without = node.readings.saturating_sub(with_state);
+    let states = node.states.iter();
+    let states = states.map(|state| format!("{} {}", state.count, state.words));
+    let states: Vec<_> = states
+        .chain((without > 0).then(|| format!("{without} not sent")))
         .collect();
     if !states.is_empty() {
         let _ = writeln!(text, "    states: {}", states.join(", "));

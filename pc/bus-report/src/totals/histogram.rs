@@ -187,6 +187,25 @@ impl Histogram {
         None
     }
 
+    /// The widest run of empty steps between two values, and how many values are below it: width in
+    /// 0.001 deg; `None` without one.
+    pub fn widest_gap(&self) -> Option<(i64, u64)> {
+        let mut widest: Option<(i64, u64)> = None;
+        let (mut below, mut empty) = (0_u64, 0);
+        for count in &self.counts {
+            if *count == 0 {
+                empty += self.step_mdeg;
+                continue;
+            }
+            if below > 0 && empty > widest.map_or(0, |(width, _)| width) {
+                widest = Some((empty, below));
+            }
+            below = below.saturating_add(*count);
+            empty = 0;
+        }
+        widest
+    }
+
     /// The counts in at most `most` equal steps, those that join whole ones: middle and width in
     /// 0.001 deg, and count.
     pub fn bars(&self, most: usize) -> Vec<(i64, i64, u64)> {

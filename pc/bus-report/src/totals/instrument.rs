@@ -97,7 +97,8 @@ impl Instrument {
         match news {
             Meaning::Slopes(..) => {
                 if let Some(slopes) = &sent.slopes {
-                    self.slopes(now_ns, side, slopes);
+                    let other_unit = sent.has_another_unit();
+                    self.slopes(now_ns, side, slopes, other_unit);
                 }
             }
             Meaning::Detail(_) => {
@@ -208,8 +209,8 @@ impl Instrument {
     }
 
     /// TPDO 1.
-    fn slopes(&mut self, now_ns: u64, number: usize, slopes: &Slopes) {
-        let warns = matches!(slopes.state, 2..=4);
+    fn slopes(&mut self, now_ns: u64, number: usize, slopes: &Slopes, other_unit: bool) {
+        let warns = matches!(slopes.state, Some(2..=4));
         let is_new = warns && self.sides.iter().all(|side| !side.warned);
         let Some(side) = self.sides.get_mut(number) else {
             return;
@@ -218,6 +219,7 @@ impl Instrument {
         let unusable = (!usable).then_some(Unusable {
             state: slopes.state,
             reason: side.reason,
+            other_unit,
         });
         side.warned = warns;
         let since = side.since.replace((now_ns, unusable));
@@ -260,10 +262,11 @@ impl Instrument {
         let Some(channel) = self.summary.channels.get_mut(number) else {
             return;
         };
-        let temperature = i32::from(detail.temperature_degc);
-        channel.temperature.add(temperature);
-        let bins = &mut channel.temperature_bins;
-        bins.add(now_ns, Extremes::of(temperature));
+        if let Some(temperature) = detail.temperature_degc.map(i32::from) {
+            channel.temperature.add(temperature);
+            let bins = &mut channel.temperature_bins;
+            bins.add(now_ns, Extremes::of(temperature));
+        }
         match detail.uncertainty_mdeg.map(i32::from) {
             Some(mdeg) => {
                 channel.uncertainty.add(mdeg);

@@ -23,10 +23,14 @@ use listen::Checks;
 /// 0 where the channel had an angle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct Unusable {
-    /// State of the pair, as 2021h shows it.
-    pub state: u8,
+    /// State of the pair, as 2021h shows it; `None` where it was not sent.
+    pub state: Option<u8>,
     /// Reason of the channel's own, as 2025h numbers it; 0 for none.
     pub reason: u8,
+    /// The slopes were in another unit (6000h) than they were taken in. Summaries of before this
+    /// was judged are without.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub other_unit: bool,
 }
 
 /// States of the pair (2021h), and a place for all that do not exist.
@@ -115,9 +119,12 @@ impl ChannelSummary {
         self.checks.merge(&other.checks);
     }
 
-    /// Counts a TPDO 1 that carried this state.
-    pub fn read(&mut self, state: u8) {
+    /// Counts a TPDO 1 that carried this state, or none.
+    pub fn read(&mut self, state: Option<u8>) {
         self.readings += 1;
+        let Some(state) = state else {
+            return;
+        };
         let place = usize::from(state).min(STATES - 1);
         if let Some(count) = self.states.get_mut(place) {
             *count += 1;
@@ -221,8 +228,9 @@ mod tests {
         channel.slope_bins[1].add(time_ns, Extremes::of(value));
         channel.usable_ns += time_s;
         let why = Unusable {
-            state: number as u8 % 10,
+            state: Some(number as u8 % 10),
             reason: 15,
+            other_unit: number.is_multiple_of(2),
         };
         *channel.unusable_ns.entry(why).or_default() += 5;
         channel.uncertainty.add(value);
@@ -237,7 +245,7 @@ mod tests {
         channel.heartbeat_losses += 2;
         channel.heartbeat_lost_ns += 3;
         channel.malformed += 4;
-        channel.read(number as u8);
+        channel.read(Some(number as u8));
         channel.faults |= 1 << (number % 32);
         let difference = &mut summary.difference;
         difference.own[1].add(value);

@@ -10,6 +10,9 @@ use super::histogram::Histogram;
 use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize};
 
+/// A turn, 0.001 deg.
+const TURN_MDEG: i64 = 360_000;
+
 /// Values so far.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Tally {
@@ -64,6 +67,36 @@ impl Tally {
         (self.count > 0).then(|| self.sum as f64 / self.count as f64)
     }
 
+    /// Of angles in 0.001 deg: how many of them are a turn behind the others, since the values lie
+    /// around a half turn; 0 where they don't, and where they are all around.
+    fn behind(&self) -> u64 {
+        let (least, most) = self.extremes.unwrap_or_default();
+        let beyond = TURN_MDEG - (i64::from(most) - i64::from(least));
+        match self.histogram.widest_gap() {
+            Some((width, below)) if width > beyond && least < 0 && most > 0 => below,
+            _ => 0,
+        }
+    }
+
+    /// The mean of angles in 0.001 deg, more than -180 deg and up to 180 deg: those around a half
+    /// turn have it there, and not on the other side.
+    pub fn mean_angle(&self) -> Option<f64> {
+        let turns = i128::from(self.behind()) * i128::from(TURN_MDEG);
+        let mean =
+            (self.count > 0).then(|| self.sum.wrapping_add(turns) as f64 / self.count as f64)?;
+        let turn = TURN_MDEG as f64;
+        Some(if mean > turn / 2.0 { mean - turn } else { mean })
+    }
+
+    /// The standard deviation of angles; `None` also where they lie around a half turn, of which
+    /// the sums do not have it.
+    pub fn angle_deviation(&self) -> Option<f64> {
+        if self.behind() > 0 {
+            return None;
+        }
+        self.deviation()
+    }
+
     /// The root of the mean square.
     pub fn rms(&self) -> Option<f64> {
         (self.count > 0).then(|| (self.squares as f64 / self.count as f64).sqrt())
@@ -115,6 +148,35 @@ mod tests {
         let expected = (32.0_f64 / 7.0).sqrt();
         assert!((tally.deviation().unwrap() - expected).abs() < 1e-12);
         assert_eq!(tally.extremes(), Some((2, 9)));
+    }
+
+    #[test]
+    fn readings_around_a_half_turn_had_their_mean_on_the_other_side() {
+        let of = |values: &[i32]| {
+            let mut tally = Tally::default();
+            values.iter().for_each(|value| tally.add(*value));
+            (tally.mean_angle(), tally.angle_deviation().is_some())
+        };
+        let around = [179_970, -179_990, 179_980, -179_960];
+        assert_eq!(of(&around), (Some(180_000.0), false));
+        assert_eq!(of(&[179_970, -179_950]), (Some(-179_990.0), false));
+        assert_eq!(
+            of(&[180_000, -179_900, -179_900]),
+            (Some(-179_933.0 - 1.0 / 3.0), false)
+        );
+        // A swing of more than a half turn through zero, and readings all around, stay as they are.
+        let swing: Vec<i32> = (-100..=100).map(|deg| deg * 1000).collect();
+        assert_eq!(of(&swing), (Some(0.0), true));
+        let all: Vec<i32> = (-1800..=1799).map(|tenth| tenth * 100).collect();
+        assert_eq!(of(&all), (Some(-50.0), true));
+        assert_eq!(of(&[-30_000, 30_000]), (Some(0.0), true));
+        assert_eq!(of(&[]), (None, false));
+        // Merged halves know it as well.
+        let (mut one, mut other) = (Tally::default(), Tally::default());
+        one.add(179_900);
+        other.add(-179_900);
+        one.merge(&other);
+        assert_eq!(one.mean_angle(), Some(180_000.0));
     }
 
     #[test]
