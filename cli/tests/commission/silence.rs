@@ -126,7 +126,7 @@ fn slcan_over_tcp_is_as_good_and_variables_name_the_bus() {
     assert!(out.ends_with('2'), "{out}");
 }
 
-/// Waits until an adapter answers: a busy machine may let it be silent for longer than a verb waits.
+/// Waits until an adapter answers: a busy machine may let it be silent longer than a verb waits.
 #[cfg(target_os = "linux")]
 fn await_adapter(bus: &str) {
     let until = Instant::now() + Duration::from_secs(60);
