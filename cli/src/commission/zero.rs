@@ -322,26 +322,18 @@ fn mean(node: &mut Node, index: u16) -> Result<Option<f64>, CommissionError> {
     Ok(mean_angle(&readings))
 }
 
-/// The mean of angles that are close to each other. Angles of the full circle may lie on both
-/// sides of its seam, so the differences to the first one are averaged, the shorter way round.
+/// The mean of readings, as they are written: an angle of the full circle has its seam at
+/// +-180 deg, or at 0 deg and 360 deg.
 fn mean_angle(readings: &[f64]) -> Option<f64> {
-    let first = *readings.first()?;
-    let off = readings.iter().map(|reading| half_turn(reading - first));
-    let mean = first + off.sum::<f64>() / readings.len() as f64;
-    let [low, high] = readings.iter().fold([first; 2], |[low, high], reading| {
-        [low.min(*reading), high.max(*reading)]
-    });
+    let mean = calibrate::mean_near(readings)?;
+    let low = readings.iter().copied().fold(f64::INFINITY, f64::min);
+    let high = readings.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     Some(match (high - low > 180.0, low < 0.0) {
         // No seam: a slope of two axes may even have an offset beyond 180 deg.
         (false, _) => mean,
-        (true, true) => half_turn(mean),
+        (true, true) => calibrate::wrap(mean),
         (true, false) => mean.rem_euclid(360.0),
     })
-}
-
-/// To -180 deg to just under +180 deg.
-fn half_turn(deg: f64) -> f64 {
-    (deg + 180.0).rem_euclid(360.0) - 180.0
 }
 
 fn line(done: &Zeroed) -> String {

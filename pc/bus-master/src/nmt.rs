@@ -40,15 +40,7 @@ pub fn heartbeat(received: &Received) -> Option<(u8, Told)> {
 ///
 /// Errors: the bus is lost, or the user has ended it.
 pub fn state(bus: &mut Bus, node: u8, patience: Duration) -> io::Result<Option<Told>> {
-    let until = Instant::now() + patience;
-    while let Some(received) = bus.receive(until)? {
-        if let Some((from, state)) = heartbeat(&received)
-            && from == node
-        {
-            return Ok(Some(state));
-        }
-    }
-    Ok(None)
+    Ok(state_or_pdos(bus, node, patience)?.ok())
 }
 
 /// The state that a node's next heartbeat tells; where none has come in time, the identifiers of

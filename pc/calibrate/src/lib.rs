@@ -70,7 +70,7 @@ use finish::Done;
 use folder::Folder;
 use hand::{FEWEST, POSES};
 use motor::{Motor, ScpiMotor};
-pub use reading::Reading;
+pub use reading::{Reading, mean_near, wrap};
 pub use session::Session;
 
 use data::{Report, now};

@@ -34,6 +34,15 @@ pub enum Upset {
     Commanded,
 }
 
+/// The mean of angles that are close to each other: the differences to the first one go the shorter
+/// way round, wherever the full circle has its seam. It lies near the first one, and may be beyond
+/// the seam; `None` without any.
+pub fn mean_near(angles_deg: &[f64]) -> Option<f64> {
+    let first = *angles_deg.first()?;
+    let off: f64 = angles_deg.iter().map(|deg| wrap(deg - first)).sum();
+    Some(first + off / angles_deg.len() as f64)
+}
+
 /// To -180..=180 deg.
 pub fn wrap(deg: f64) -> f64 {
     deg - 360.0 * (deg / 360.0).round()

@@ -19,7 +19,7 @@ use tilt::chain::{Calibration, Correction};
 use tilt::table::Rule;
 
 use super::error::CalibrateError;
-use super::reading::{Reading, Upset, wrap};
+use super::reading::{Reading, Upset, mean_near, wrap};
 use super::turned::Log;
 use bus_master::diagnosis;
 use bus_master::nmt::{self, Command, State, Told};
@@ -698,15 +698,11 @@ impl Sum {
 
 /// The mean of angles that may lie on both sides of +-180 deg.
 fn mean_angle(singles: &[Single], axis: usize) -> Result<f64, u8> {
-    let mut sum = 0.0;
-    let Some(first) = singles.first() else {
-        return Err(0);
-    };
-    let first = first.angle_deg[axis]?;
-    for single in singles {
-        sum += wrap(single.angle_deg[axis]? - first);
-    }
-    Ok(wrap(first + sum / singles.len() as f64))
+    let angles: Result<Vec<_>, _> = singles
+        .iter()
+        .map(|single| single.angle_deg[axis])
+        .collect();
+    mean_near(&angles?).map(wrap).ok_or(0)
 }
 
 #[cfg(test)]

@@ -26,48 +26,44 @@ pub fn of(report: &PeriodReport) -> (String, bool) {
         1 => "One instrument".to_owned(),
         count => format!("{count} instruments"),
     };
-    let silent = silent(all) + &in_another_unit(all);
+    let doubts = doubts(all);
     let sentence = match incidents {
-        0 => format!("{who}, {covered}, no warning and no fault.{share}{silent}"),
+        0 => format!("{who}, {covered}, no warning and no fault.{share}{doubts}"),
         1 => format!(
-            "{who}, {covered}, one incident{}.{share}{silent}",
+            "{who}, {covered}, one incident{}.{share}{doubts}",
             open(standing)
         ),
         count => format!(
-            "{who}, {covered}, {count} incidents{}.{share}{silent}",
+            "{who}, {covered}, {count} incidents{}.{share}{doubts}",
             open(standing)
         ),
     };
-    (sentence, incidents == 0 && silent.is_empty())
+    (sentence, incidents == 0 && doubts.is_empty())
 }
 
-/// A sentence on the nodes whose slopes were not used, since their unit is not that of the data
-/// sheet.
-fn in_another_unit(all: &[InstrumentReport]) -> String {
-    let channels = all.iter().flat_map(|one| &one.channels);
-    let other = |channel: &&ChannelReport| channel.unusable.iter().any(|why| why.other_unit);
-    let nodes: Vec<String> = channels
-        .filter(other)
-        .map(|channel| channel.node_id.to_string())
-        .collect();
-    match nodes.as_slice() {
-        [] => String::new(),
-        nodes => format!(
-            " Slopes of node {} are in another unit: give the data sheet.",
-            nodes.join(", ")
-        ),
+/// Sentences on nodes that nobody can call faultless: nothing came of them, or their slopes were
+/// not used, since their unit is not that of the data sheet.
+fn doubts(all: &[InstrumentReport]) -> String {
+    let mut text = String::new();
+    if let Some(nodes) = nodes(all, |channel| !channel.seen) {
+        text += &format!(" The logs have no frame of {nodes}.");
     }
+    let other_unit = |channel: &ChannelReport| channel.unusable.iter().any(|why| why.other_unit);
+    if let Some(nodes) = nodes(all, other_unit) {
+        text += &format!(" Slopes of {nodes} are in another unit: give the data sheet.");
+    }
+    text
 }
 
-/// A sentence on the channels of which nothing came: nobody can call them faultless.
-fn silent(all: &[InstrumentReport]) -> String {
+/// The nodes that are so, as "node 1" or "nodes 1, 2"; `None` where there is none.
+fn nodes(all: &[InstrumentReport], is_so: impl Fn(&ChannelReport) -> bool) -> Option<String> {
     let channels = all.iter().flat_map(|one| &one.channels);
-    let silent = channels.filter(|channel| !channel.seen);
-    let nodes: Vec<String> = silent.map(|channel| channel.node_id.to_string()).collect();
-    match nodes.as_slice() {
-        [] => String::new(),
-        [node] => format!(" The logs have no frame of node {node}."),
-        nodes => format!(" The logs have no frame of nodes {}.", nodes.join(", ")),
+    let ids = channels.filter(|channel| is_so(channel));
+    let ids: Vec<String> = ids.map(|channel| channel.node_id.to_string()).collect();
+    match ids.as_slice() {
+        [] => None,
+        [id] => Some(format!("node {id}")),
+        ids => Some(format!("nodes {}", ids.join(", "))),
     }
 }
 
