@@ -186,9 +186,10 @@ class Twin:
             raise Error("quit ends the program plumb serve: delete the twin instead")
         if self._timers and words.split()[:1] == ["wait"]:
             raise Error("messages are sent periodically: let time go on by run() in place of wait")
-        answer = self._world.say(words)
-        self._deal()
-        return answer
+        try:
+            return self._world.say(words)
+        finally:
+            self._deal()
 
     def send(self, id: int, data: bytes = b"", *, extended: bool = False) -> None:
         """Puts a frame onto the bus."""

@@ -17,7 +17,7 @@ use canopen::frame::{ExtendedId, Id, StandardId};
 use clap::Parser;
 use clap::error::{ContextKind, ContextValue};
 use pyo3::prelude::*;
-use virtual_bus::{Arguments, Heard, Twin};
+use virtual_bus::{Arguments, Heard, Said, Twin, WordError};
 
 use crate::error::said;
 
@@ -78,12 +78,17 @@ impl World {
         self.ask(py, |twin| twin.truth())
     }
 
-    /// Carries a word out; what it has to tell.
+    /// Carries a word out; what it has to tell. Of a `wait`, a signal is handled after each piece.
     fn say(&self, py: Python<'_>, line: String) -> PyResult<String> {
         let answer = self.ask(py, move |twin| {
             twin.say(&line).map_err(|why| why.to_string())
         });
-        answer?.map_err(said)
+        let wait = match answer?.map_err(said)? {
+            Said::Told(text) => return Ok(text),
+            Said::Wait(wait) => wait,
+        };
+        self.in_pieces(py, move |twin| twin.go_on(wait, PIECE_NS))?;
+        Ok(String::new())
     }
 
     /// Takes a client's frame; false when too many of them wait already.
@@ -102,17 +107,10 @@ impl World {
 
     /// Goes on to this time, ns; a signal is handled after each piece of it.
     fn run_until(&self, py: Python<'_>, until_ns: u64) -> PyResult<()> {
-        loop {
-            let done = self.ask(py, move |twin| {
-                let piece_ns = until_ns.min(twin.now_ns().saturating_add(PIECE_NS));
-                let done = twin.run_until(piece_ns).map_err(|why| why.to_string());
-                done.map(|()| piece_ns == until_ns)
-            });
-            if done?.map_err(said)? {
-                return Ok(());
-            }
-            py.check_signals()?;
-        }
+        self.in_pieces(py, move |twin| {
+            let piece_ns = until_ns.min(twin.now_ns().saturating_add(PIECE_NS));
+            twin.run_until(piece_ns).map(|()| piece_ns == until_ns)
+        })
     }
 
     /// What was on the bus since the last call.
@@ -122,6 +120,21 @@ impl World {
 }
 
 impl World {
+    /// Does a piece of something after the other until one of them was the last.
+    fn in_pieces(
+        &self,
+        py: Python<'_>,
+        piece: impl Fn(&mut Twin) -> Result<bool, WordError> + Copy + Send + 'static,
+    ) -> PyResult<()> {
+        loop {
+            let done = self.ask(py, move |twin| piece(twin).map_err(|why| why.to_string()));
+            if done?.map_err(said)? {
+                return Ok(());
+            }
+            py.check_signals()?;
+        }
+    }
+
     /// Does something with the instrument, and waits for what comes of it.
     fn ask<T: Send + 'static>(
         &self,

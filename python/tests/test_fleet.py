@@ -597,15 +597,24 @@ def test_a_log_that_is_written_while_it_is_read_is_left_for_the_next_run(
 def test_a_kept_summary_that_is_damaged_or_of_another_version_is_made_anew(
     tmp_path: pathlib.Path,
 ) -> None:
-    root, out = tree(tmp_path / "logs", 1, 2), tmp_path / "out"
+    root, out = tree(tmp_path / "logs", 2, 2), tmp_path / "out"
     run(root, out)
     before = results(out)
     kept = [path for path in (out / "logs").rglob("*") if path.is_file()]
     assert json.loads(plumb.summarise(root / "m1/2026-11-20.log"))["version"] == store.VERSION
-    kept[0].write_bytes(kept[0].read_bytes().replace(b'"version": 2', b'"version": 7'))
+    head, _, summary = kept[0].read_bytes().partition(b"\n")
+    # Without its check sum, as earlier versions have written it.
+    fields = json.loads(head)
+    del fields["crc32"]
+    kept[0].write_bytes(json.dumps(fields | {"version": 7}).encode() + b"\n" + summary)
     kept[1].write_bytes(b"{}")
+    kept[2].write_bytes(kept[2].read_bytes().replace(b'"frames": ', b'"frames": 1'))
+    head, _, summary = kept[3].read_bytes().partition(b"\n")
+    fields = json.loads(head)
+    del fields["crc32"]
+    kept[3].write_bytes(json.dumps(fields).encode() + b"\n" + summary)
     outcome = run(root, out)
-    assert outcome.read == 2 and results(out) == before
+    assert outcome.read == 3 and results(out) == before
 
 
 def damage(out: pathlib.Path, log: pathlib.Path, left: int = -20) -> None:

@@ -6,6 +6,7 @@ import os
 import signal
 import threading
 import time
+from collections.abc import Callable
 
 import can
 import numpy as np
@@ -35,12 +36,13 @@ def test_the_same_seed_gives_the_same_frames() -> None:
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGALRM"), reason="there is no such signal")
-def test_ctrl_c_waited_for_the_end_of_a_run() -> None:
+@pytest.mark.parametrize("go", [lambda twin: twin.run(1e6), lambda twin: twin.say("wait 1000000 s")])
+def test_ctrl_c_waited_for_the_end_of_a_run(go: Callable[[plumb.Twin], object]) -> None:
     twin, whole = (plumb.Twin(seed=1, calibrated=False) for _ in range(2))
     for each in (twin, whole):
         each.send(*START_ALL)
     with interrupted(0.3):
-        twin.run(1e6)
+        go(twin)
     # Nothing is lost of what was on the bus until then, and it goes on from there.
     assert 1.0 <= twin.now_s < 1e5
     end_s = twin.now_s + 0.5

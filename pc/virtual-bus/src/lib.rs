@@ -41,7 +41,7 @@ pub use addresses::TWIN_AT;
 pub use error::{Complaint, ServeError};
 pub use options::Arguments;
 pub use ports::twin::Answer;
-pub use twin::{Heard, Twin};
+pub use twin::{Heard, Said, Twin};
 pub use words::line::{candidates, help, read};
 pub use words::reader::WordError;
 

@@ -36,6 +36,24 @@ pub struct Heard {
     pub from: Option<u32>,
 }
 
+/// What came of a word.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Said {
+    /// It was carried out or put off, and this is what it has to tell.
+    Told(String),
+    /// It was `wait`.
+    Wait(Wait),
+}
+
+/// Virtual time that a `wait` has still to take.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Wait {
+    /// When it is over at the latest, ns.
+    end_ns: u64,
+    /// It is over as soon as the housing stands.
+    still: bool,
+}
+
 /// Virtual instruments on a bus.
 #[derive(Debug)]
 pub struct Twin {
@@ -73,25 +91,44 @@ impl Twin {
         self.stage.truth()
     }
 
-    /// Carries a word out now, or puts it off; what it has to tell. `wait` takes virtual time.
+    /// Carries a word out now, or puts it off; what it has to tell. After `wait` the caller has to
+    /// [`go_on`](Self::go_on).
     ///
     /// Errors: see [`WordError`]; nothing has changed then.
-    pub fn say(&mut self, line: &str) -> Result<String, WordError> {
-        match self.agenda.hear(line, &mut self.stage)? {
-            Outcome::Done(Done::Told(text)) => Ok(text),
-            Outcome::Done(_) => Ok(String::new()),
-            Outcome::PutOff(at_ns) => Ok(format!("put off to {:.3} s", at_ns as f64 * 1e-9)),
-            Outcome::Wait(Until::Time(at_ns)) => self.run_until(at_ns).map(|()| String::new()),
-            Outcome::Wait(Until::Still) => self.run_until_still().map(|()| String::new()),
+    pub fn say(&mut self, line: &str) -> Result<Said, WordError> {
+        let told = match self.agenda.hear(line, &mut self.stage)? {
+            Outcome::Done(Done::Told(text)) => text,
+            Outcome::Done(_) => String::new(),
+            Outcome::PutOff(at_ns) => format!("put off to {:.3} s", at_ns as f64 * 1e-9),
+            Outcome::Wait(until) => return Ok(Said::Wait(self.wait(until))),
+        };
+        Ok(Said::Told(told))
+    }
+
+    fn wait(&self, until: Until) -> Wait {
+        let longest_ns = self.now_ns().saturating_add(LONGEST_WAIT_NS);
+        match until {
+            Until::Time(end_ns) => Wait {
+                end_ns,
+                still: false,
+            },
+            Until::Still => Wait {
+                end_ns: longest_ns,
+                still: true,
+            },
         }
     }
 
-    fn run_until_still(&mut self) -> Result<(), WordError> {
-        let end_ns = self.now_ns().saturating_add(LONGEST_WAIT_NS);
-        while !self.stage.is_still() && self.now_ns() < end_ns {
-            self.run_until(self.now_ns() + LOOK_NS)?;
+    /// Goes on with a wait for `piece_ns` at most; true when it is over.
+    ///
+    /// Errors: as [`run_until`](Self::run_until).
+    pub fn go_on(&mut self, wait: Wait, piece_ns: u64) -> Result<bool, WordError> {
+        let end_ns = wait.end_ns.min(self.now_ns().saturating_add(piece_ns));
+        while self.now_ns() < end_ns && !(wait.still && self.stage.is_still()) {
+            let step_ns = if wait.still { LOOK_NS } else { piece_ns };
+            self.run_until(end_ns.min(self.now_ns().saturating_add(step_ns)))?;
         }
-        Ok(())
+        Ok(self.now_ns() >= wait.end_ns || (wait.still && self.stage.is_still()))
     }
 
     /// True when one more frame of this client can be taken.
@@ -149,6 +186,14 @@ mod tests {
         Twin::new(&Line::parse_from(all).arguments).unwrap()
     }
 
+    /// Waits in pieces of this length.
+    fn wait(twin: &mut Twin, line: &str, piece_ns: u64) {
+        let Said::Wait(wait) = twin.say(line).unwrap() else {
+            panic!("{line} is no wait");
+        };
+        while !twin.go_on(wait, piece_ns).unwrap() {}
+    }
+
     #[test]
     fn the_same_calls_give_the_same_frames_and_another_seed_gives_others() {
         let frames = |seed| {
@@ -168,12 +213,12 @@ mod tests {
     fn a_wait_takes_virtual_time_and_a_turn_ends_where_it_should() {
         let mut twin = twin(&[]);
         twin.say("pitch 30").unwrap();
-        twin.say("wait").unwrap();
+        wait(&mut twin, "wait", 1_000_000_000);
         let ([x_deg, y_deg], _) = twin.truth();
         assert!(x_deg.hypot(y_deg) > 29.0, "{x_deg} {y_deg}");
         let before_ns = twin.now_ns();
         assert!(before_ns > 100_000_000);
-        twin.say("wait 2 s").unwrap();
+        wait(&mut twin, "wait 2 s", 300_000_000);
         assert_eq!(twin.now_ns(), before_ns + 2_000_000_000);
         assert!(twin.say("levitate").is_err());
     }
@@ -183,7 +228,7 @@ mod tests {
         let mut twin = twin(&[]);
         assert_eq!(
             twin.say("at 1.5 power b off").unwrap(),
-            "put off to 1.500 s"
+            Said::Told("put off to 1.500 s".to_owned())
         );
         twin.run_until(4_000_000_000).unwrap();
         let heard = twin.take_heard();

@@ -154,6 +154,7 @@ class Store:
             "error": result.error,
             "content": result.content,
         }
+        head["crc32"] = _check_sum(head)
         body = json.dumps(head).encode() + b"\n" + (result.summary or b"")
         write(self._place(result.blake3), body)
         return result
@@ -174,6 +175,9 @@ class Store:
         try:
             with self._place(blake3, key).open("rb") as file:
                 fields = json.loads(file.readline())
+            # Earlier versions have written none.
+            if fields.pop("crc32", None) not in (None, _check_sum(fields)):
+                return None
             version = fields.pop("version")
             return Read(blake3, True, **fields) if version == VERSION else None
         except (OSError, ValueError, TypeError, KeyError, AttributeError):
@@ -268,6 +272,11 @@ class Store:
                 self.partition("summaries", day), filters=[("machine", "=", machine)]
             )
             yield from table.column("summary").to_pylist()
+
+
+def _check_sum(fields: dict[str, Any]) -> int:
+    """The check sum of what is kept of a log, beside its summary, which has one of its own."""
+    return zlib.crc32(json.dumps(fields).encode())
 
 
 def days_of(folder: pathlib.Path) -> dict[str, pathlib.Path]:
