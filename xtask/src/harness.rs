@@ -40,6 +40,9 @@ const WAITS: [&str; 5] = [
     "emulator update",
 ];
 
+/// Those of them that take minutes. They come first, so that none of them is left running alone.
+const LONGEST: [&str; 2] = ["cli bench", "cli commission"];
+
 /// How many run at a time.
 const ROWS: usize = 2;
 
@@ -93,7 +96,9 @@ pub fn run(
     let mut ended = Vec::new();
     for wanted in kinds {
         let of_kind = binaries.iter().filter(|binary| kind(binary) == *wanted);
-        ended.extend(rows(workspace, variables, of_kind.cloned().collect()));
+        let mut of_kind: Vec<_> = of_kind.cloned().collect();
+        of_kind.sort_by_key(|binary| !LONGEST.contains(&&*title(binary)));
+        ended.extend(rows(workspace, variables, of_kind.into()));
     }
     ended.sort_by_key(|one| Reverse(one.took));
     println!("      the slowest of {}:", ended.len());
@@ -106,8 +111,12 @@ pub fn run(
 }
 
 /// Runs these, two at a time.
-fn rows(workspace: &Workspace, variables: &[(&str, &str)], binaries: Vec<Binary>) -> Vec<Ended> {
-    let binaries = Mutex::new(VecDeque::from(binaries));
+fn rows(
+    workspace: &Workspace,
+    variables: &[(&str, &str)],
+    binaries: VecDeque<Binary>,
+) -> Vec<Ended> {
+    let binaries = Mutex::new(binaries);
     let next = || {
         let mut left = binaries.lock().unwrap_or_else(PoisonError::into_inner);
         left.pop_front()
