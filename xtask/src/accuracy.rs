@@ -8,7 +8,7 @@
 
 use std::path::PathBuf;
 use std::process::Command;
-use std::{fmt, fs, io};
+use std::{fs, io};
 
 use crate::built;
 use crate::command::{self, CommandError};
@@ -25,45 +25,26 @@ const REPEATED: &str = "docs/accuracy-of-few-units.md";
 const PRINTED: &str = "Printed by the code of commit `";
 
 /// Why the document could not be compared or written.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
 pub enum AccuracyError {
     /// The generator did not run.
+    #[error("{0}")]
     Generator(CommandError),
     /// The generator wrote nothing.
+    #[error("the generator of {DOCUMENT} wrote nothing")]
     Empty,
     /// The committed file could not be read or written.
+    #[error("{path}: {1}", path = .0.display())]
     File(PathBuf, io::Error),
     /// The page of few units isn't what the code gives now; with the difference.
+    #[error("{REPEATED} is not what the code gives now (- file, + code):\n{}", .0.trim_end())]
     Stale(String),
     /// Rows of the document that are over their bound.
+    #[error("{DOCUMENT} has bounds that are not kept:\n{}", .0.join("\n"))]
     NotKept(Vec<String>),
     /// The document does not name the commit that has printed it.
+    #[error("{DOCUMENT} does not name the commit that has printed it")]
     NoCommit,
-}
-
-impl fmt::Display for AccuracyError {
-    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Generator(error) => write!(out, "{error}"),
-            Self::Empty => write!(out, "the generator of {DOCUMENT} wrote nothing"),
-            Self::File(path, error) => write!(out, "{}: {error}", path.display()),
-            Self::Stale(difference) => {
-                writeln!(
-                    out,
-                    "{REPEATED} is not what the code gives now (- file, + code):"
-                )?;
-                write!(out, "{}", difference.trim_end())
-            }
-            Self::NotKept(rows) => {
-                writeln!(out, "{DOCUMENT} has bounds that are not kept:")?;
-                write!(out, "{}", rows.join("\n"))
-            }
-            Self::NoCommit => write!(
-                out,
-                "{DOCUMENT} does not name the commit that has printed it"
-            ),
-        }
-    }
 }
 
 /// Fails with the difference when the committed page of few units is not what the generators write,

@@ -3,29 +3,21 @@
 //! In: a command. Out: its standard output where asked for, or the error that names the command.
 //! Standard error always goes through, so cargo's own progress and messages stay visible.
 
-use std::fmt;
 use std::io::{self, BufRead, BufReader};
 use std::process::{Child, Command, Stdio};
 
 /// Why a child process did not do what was asked.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
 pub enum CommandError {
     /// It could not be started: usually not installed.
+    #[error("`{0}` could not be started ({1})")]
     Start(String, io::Error),
     /// Its output broke off.
+    #[error("the output of `{0}` broke off ({1})")]
     Output(String, io::Error),
     /// It ended with a status other than zero.
+    #[error("`{0}` failed ({1})")]
     Status(String, String),
-}
-
-impl fmt::Display for CommandError {
-    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Start(name, error) => write!(out, "`{name}` could not be started ({error})"),
-            Self::Output(name, error) => write!(out, "the output of `{name}` broke off ({error})"),
-            Self::Status(name, status) => write!(out, "`{name}` failed ({status})"),
-        }
-    }
 }
 
 /// Runs a command with its output going straight through.

@@ -6,7 +6,7 @@
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use std::{fmt, fs, io};
+use std::{fs, io};
 
 use crate::command;
 use crate::workspace::{Workspace, remove_folder};
@@ -18,38 +18,26 @@ const PYTHONS: [&str; 2] = ["python3", "python"];
 const VERSION: &str = "import sys; print(sys.version); sys.exit(sys.version_info < (3, 10))";
 
 /// Why there is no environment.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
 pub enum EnvironmentError {
     /// There is no Python, or an old one.
+    #[error("there is no Python 3.10 or newer under the name python3 or python: install one")]
     NoPython,
     /// Python cannot make a virtual environment.
+    #[error(
+        "Python cannot make a virtual environment here; on Debian and Ubuntu type \
+         `sudo apt install python3-venv`, elsewhere `pip install virtualenv`"
+    )]
     NoEnvironment,
     /// The packages of this list could not be installed.
+    #[error(
+        "the packages of {0} could not be installed (pip's message stands above); the network is \
+         needed once, then never again"
+    )]
     Packages(&'static str),
     /// A file or folder could not be handled.
+    #[error("{path}: {1}", path = .0.display())]
     File(PathBuf, io::Error),
-}
-
-impl fmt::Display for EnvironmentError {
-    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::NoPython => write!(
-                out,
-                "there is no Python 3.10 or newer under the name python3 or python: install one"
-            ),
-            Self::NoEnvironment => write!(
-                out,
-                "Python cannot make a virtual environment here; on Debian and Ubuntu type \
-                 `sudo apt install python3-venv`, elsewhere `pip install virtualenv`"
-            ),
-            Self::Packages(list) => write!(
-                out,
-                "the packages of {list} could not be installed (pip's message stands above); the \
-                 network is needed once, then never again"
-            ),
-            Self::File(path, error) => write!(out, "{}: {error}", path.display()),
-        }
-    }
 }
 
 /// The Python of an environment that has the packages; made now unless it is there already.

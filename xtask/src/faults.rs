@@ -7,7 +7,7 @@
 
 use std::path::PathBuf;
 use std::process::Command;
-use std::{fmt, fs, io};
+use std::{fs, io};
 
 use crate::built;
 use crate::command::{self, CommandError};
@@ -24,43 +24,26 @@ const REPEATED: &str = "## What every run of the tests repeats\n";
 const DIGITS: usize = 16;
 
 /// Why the page could not be compared or written.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
 pub enum FaultsError {
     /// The generator did not run.
+    #[error("{0}")]
     Generator(CommandError),
     /// The generator left out the section that the tests repeat.
+    #[error("the generator of {DOCUMENT} wrote no section to repeat")]
     Empty,
     /// The committed file could not be read or written.
+    #[error("{path}: {1}", path = .0.display())]
     File(PathBuf, io::Error),
     /// The section that the tests repeat isn't what the code gives now; with the difference.
+    #[error(
+        "the last section of {DOCUMENT} is not what the code gives now (- file, + code):\n{}",
+        .0.trim_end()
+    )]
     Stale(String),
     /// The rest of the page was made with code that behaved otherwise.
+    #[error("{DOCUMENT} was made with code that behaved otherwise: its fingerprint is another")]
     Outdated,
-}
-
-impl fmt::Display for FaultsError {
-    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Generator(error) => write!(out, "{error}"),
-            Self::Empty => write!(
-                out,
-                "the generator of {DOCUMENT} wrote no section to repeat"
-            ),
-            Self::File(path, error) => write!(out, "{}: {error}", path.display()),
-            Self::Stale(difference) => {
-                writeln!(
-                    out,
-                    "the last section of {DOCUMENT} is not what the code gives now \
-                     (- file, + code):"
-                )?;
-                write!(out, "{}", difference.trim_end())
-            }
-            Self::Outdated => write!(
-                out,
-                "{DOCUMENT} was made with code that behaved otherwise: its fingerprint is another"
-            ),
-        }
-    }
 }
 
 /// Fails when the committed page doesn't belong to what the code does now.

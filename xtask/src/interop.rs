@@ -10,7 +10,7 @@ use std::cmp::Reverse;
 use std::panic::resume_unwind;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
-use std::{env, fmt, fs, io, thread};
+use std::{env, fs, io, thread};
 
 use crate::built;
 use crate::command::{CommandError, Tally};
@@ -23,48 +23,23 @@ use crate::workspace::Workspace;
 const REQUIREMENTS: &str = "interop/requirements.txt";
 
 /// Why the tests did not run, or failed.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
 pub enum InteropError {
     /// There is no environment to run them in.
-    Environment(EnvironmentError),
+    #[error("{0}")]
+    Environment(#[from] EnvironmentError),
     /// A command failed: the build, or a test.
-    Command(CommandError),
+    #[error("{0}")]
+    Command(#[from] CommandError),
     /// There are no images to emulate.
-    Image(ImageError),
+    #[error("{0}")]
+    Image(#[from] ImageError),
     /// A file or folder could not be handled.
+    #[error("{path}: {1}", path = .0.display())]
     File(PathBuf, io::Error),
     /// No test ran at all, which means the run shows nothing.
+    #[error("not one test ran")]
     NoTests,
-}
-
-impl fmt::Display for InteropError {
-    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Environment(error) => write!(out, "{error}"),
-            Self::Command(error) => write!(out, "{error}"),
-            Self::Image(error) => write!(out, "{error}"),
-            Self::File(path, error) => write!(out, "{}: {error}", path.display()),
-            Self::NoTests => write!(out, "not one test ran"),
-        }
-    }
-}
-
-impl From<CommandError> for InteropError {
-    fn from(error: CommandError) -> Self {
-        Self::Command(error)
-    }
-}
-
-impl From<EnvironmentError> for InteropError {
-    fn from(error: EnvironmentError) -> Self {
-        Self::Environment(error)
-    }
-}
-
-impl From<ImageError> for InteropError {
-    fn from(error: ImageError) -> Self {
-        Self::Image(error)
-    }
 }
 
 /// Files that the exact image on emulated boards is not asked to pass: they are about the program

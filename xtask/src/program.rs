@@ -11,7 +11,7 @@
 use std::path::{Path, PathBuf};
 use std::process::Stdio;
 use std::time::{Duration, Instant};
-use std::{env, fmt, fs, io};
+use std::{env, fs, io};
 
 use crate::built;
 use crate::command::{self, CommandError};
@@ -35,40 +35,24 @@ const HELP_LIMIT_IN_STARTS: u32 = 6;
 const CALLS: usize = 50;
 
 /// Why the program is not as it should be.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
 pub enum ProgramError {
     /// It could not be built.
-    Command(CommandError),
+    #[error("{0}")]
+    Command(#[from] CommandError),
     /// It could not be measured.
+    #[error("{path}: {1}", path = .0.display())]
     File(PathBuf, io::Error),
     /// It is too long, and the limit.
+    #[error("it has {0} bytes, and {1} are the limit")]
     Length(u64, u64),
     /// It is too slow.
+    #[error(
+        "its help takes {:.1} ms at best, and {:.1} ms are the limit",
+        milliseconds(.0.help),
+        milliseconds(.0.limit())
+    )]
     Help(Answer),
-}
-
-impl fmt::Display for ProgramError {
-    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Command(error) => write!(out, "{error}"),
-            Self::File(path, error) => write!(out, "{}: {error}", path.display()),
-            Self::Length(bytes, limit) => {
-                write!(out, "it has {bytes} bytes, and {limit} are the limit")
-            }
-            Self::Help(answer) => write!(
-                out,
-                "its help takes {:.1} ms at best, and {:.1} ms are the limit",
-                milliseconds(answer.help),
-                milliseconds(answer.limit())
-            ),
-        }
-    }
-}
-
-impl From<CommandError> for ProgramError {
-    fn from(error: CommandError) -> Self {
-        Self::Command(error)
-    }
 }
 
 /// How soon it answers, beside a program that has nothing to do.

@@ -8,7 +8,7 @@
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use std::{env, fmt, fs, io};
+use std::{env, fs, io};
 
 use crate::built;
 use crate::command::{self, CommandError, Tally};
@@ -40,42 +40,23 @@ const SCRIPT: &str = "import importlib.resources, plumb; \
                       assert plumb.Chain().run([[0, 0, 16384]]).reason.tolist() == [[2, 2]]";
 
 /// Why the tests did not run, or failed.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
 pub enum PythonError {
     /// There is no environment to run them in.
-    Environment(EnvironmentError),
+    #[error("{0}")]
+    Environment(#[from] EnvironmentError),
     /// A command failed: the build, a test, or the installation.
-    Command(CommandError),
+    #[error("{0}")]
+    Command(#[from] CommandError),
     /// A file or folder could not be handled.
+    #[error("{path}: {1}", path = .0.display())]
     File(PathBuf, io::Error),
     /// No test ran at all, which means the run shows nothing.
+    #[error("not one test ran")]
     NoTests,
     /// Maturin has left no wheel, or several.
+    #[error("maturin has not left one wheel")]
     NoWheel,
-}
-
-impl fmt::Display for PythonError {
-    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Environment(error) => write!(out, "{error}"),
-            Self::Command(error) => write!(out, "{error}"),
-            Self::File(path, error) => write!(out, "{}: {error}", path.display()),
-            Self::NoTests => write!(out, "not one test ran"),
-            Self::NoWheel => write!(out, "maturin has not left one wheel"),
-        }
-    }
-}
-
-impl From<EnvironmentError> for PythonError {
-    fn from(error: EnvironmentError) -> Self {
-        Self::Environment(error)
-    }
-}
-
-impl From<CommandError> for PythonError {
-    fn from(error: CommandError) -> Self {
-        Self::Command(error)
-    }
 }
 
 /// Builds the package, makes the environment where it is missing, and runs every test.

@@ -28,7 +28,7 @@ mod traces;
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
-use std::{env, fmt, fs, io};
+use std::{env, fs, io};
 
 use flash::check_sum::Crc32;
 use flash::image::{FIELDS, Header, Signature, Version};
@@ -63,50 +63,33 @@ fn is_ours(name: &str) -> bool {
 }
 
 /// Why there are no images.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
 pub enum ImageError {
     /// A variable of the environment does not state whose updates are believed.
+    #[error("{0}")]
     Keys(String),
     /// A command failed.
-    Command(CommandError),
+    #[error("{0}")]
+    Command(#[from] CommandError),
     /// A file could not be read or written.
+    #[error("{path}: {1}", path = .0.display())]
     File(PathBuf, io::Error),
     /// The linked file is not what it should be.
+    #[error("{path}: {1}", path = .0.display())]
     Elf(PathBuf, object::Error),
     /// A program is linked to another place than its own.
+    #[error("{0} is not linked to its place")]
     Place(String),
     /// The package's version is not of the form that an image's header has room for.
+    #[error("version {0} does not fit in a header")]
     Version(String),
     /// Budgets are exceeded, or there is what must not be.
+    #[error("{}", .0.join("; "))]
     Over(Vec<String>),
     /// These depend on the folder of the checkout.
+    #[error("another folder gives other bytes for {}", .0.join(", "))]
     #[cfg(unix)]
     Differ(Vec<String>),
-}
-
-impl fmt::Display for ImageError {
-    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Keys(why) => out.write_str(why),
-            Self::Command(error) => write!(out, "{error}"),
-            Self::File(path, error) => write!(out, "{}: {error}", path.display()),
-            Self::Elf(path, error) => write!(out, "{}: {error}", path.display()),
-            Self::Place(name) => write!(out, "{name} is not linked to its place"),
-            Self::Version(version) => write!(out, "version {version} does not fit in a header"),
-            Self::Over(budgets) => write!(out, "{}", budgets.join("; ")),
-            #[cfg(unix)]
-            Self::Differ(names) => {
-                let names = names.join(", ");
-                write!(out, "another folder gives other bytes for {names}")
-            }
-        }
-    }
-}
-
-impl From<CommandError> for ImageError {
-    fn from(error: CommandError) -> Self {
-        Self::Command(error)
-    }
 }
 
 /// Where images and files about them go.

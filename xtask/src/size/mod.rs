@@ -22,7 +22,7 @@ mod uploads;
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use std::{fmt, fs, io};
+use std::{fs, io};
 
 use crate::chip;
 use crate::command::{self, CommandError};
@@ -47,53 +47,33 @@ const INSTRUMENT: &str = "footprint-instrument";
 const CANARY: &str = "footprint-canary";
 
 /// Why the bus side was not measured, or is not as it has to be.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
 pub enum SizeError {
     /// A command failed.
-    Command(CommandError),
+    #[error("{0}")]
+    Command(#[from] CommandError),
     /// A file could not be read or written.
+    #[error("{path}: {1}", path = .0.display())]
     File(PathBuf, io::Error),
     /// The linked file is not what it should be.
+    #[error("{path}: {1}", path = .0.display())]
     Elf(PathBuf, object::Error),
     /// Panics can be reached; who calls them.
+    #[error("panics can be reached:\n  {}", .0.join("\n  "))]
     Panics(Vec<String>),
     /// The binary that panics has linked, or its panic was not found: the proof proves nothing.
+    #[error("{CANARY} panics, yet that was not found: mend {SCRIPT} or image.rs")]
     Canary,
     /// Budgets are exceeded.
+    #[error("{}", .0.join("; "))]
     Over(Vec<String>),
     /// The committed document tells other figures; what it should be.
+    #[error(
+        "{DOCUMENT} is off by more than {TOLERANCE_PERCENT} %, run `cargo xtask size --write` \
+         (- file, + code):\n{}",
+        .0.trim_end()
+    )]
     Stale(String),
-}
-
-impl fmt::Display for SizeError {
-    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Command(error) => write!(out, "{error}"),
-            Self::File(path, error) => write!(out, "{}: {error}", path.display()),
-            Self::Elf(path, error) => write!(out, "{}: {error}", path.display()),
-            Self::Panics(calls) => {
-                write!(out, "panics can be reached:")?;
-                calls.iter().try_for_each(|call| write!(out, "\n  {call}"))
-            }
-            Self::Canary => write!(
-                out,
-                "{CANARY} panics, yet that was not found: mend {SCRIPT} or image.rs"
-            ),
-            Self::Over(budgets) => write!(out, "{}", budgets.join("; ")),
-            Self::Stale(difference) => write!(
-                out,
-                "{DOCUMENT} is off by more than {TOLERANCE_PERCENT} %, run \
-                 `cargo xtask size --write` (- file, + code):\n{}",
-                difference.trim_end()
-            ),
-        }
-    }
-}
-
-impl From<CommandError> for SizeError {
-    fn from(error: CommandError) -> Self {
-        Self::Command(error)
-    }
 }
 
 /// Measures, prints, and fails on a panic, a budget that is exceeded or an old document.
