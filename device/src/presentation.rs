@@ -92,7 +92,8 @@ impl Presentation {
     }
 }
 
-/// Which byte goes with a capture time: with any period of SYNC but 256 ms all have their turn.
+/// Which byte goes with a capture time: with any period of SYNC but multiples of 256 ms all have
+/// their turn, within 32 of them.
 const fn place(captured: u8) -> usize {
     ((captured ^ captured >> 2 ^ captured >> 4 ^ captured >> 6) & 3) as usize
 }

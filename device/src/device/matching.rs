@@ -122,7 +122,6 @@ impl<P: Part, M: Memory, I: Instrument> Device<P, M, I> {
             [0] => {
                 self.parts.pair.peer_restarted();
                 self.matching.clock = PeerClock::new();
-                self.matching.excuse();
             }
             &[state] if state & !TOGGLE != State::Operational as u8 => self.parts.pair.peer_away(),
             _ => {}

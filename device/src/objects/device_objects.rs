@@ -613,7 +613,7 @@ impl<M: Memory, S: Source<I>, I: Instrument> DeviceObjects<'_, M, S, I> {
     /// Remembers whether the memory did its part, for the fault that tells.
     #[cfg_attr(target_pointer_width = "32", inline(never))]
     pub(super) fn note(&mut self, outcome: Result<(), StoreError>) -> Result<(), Abort> {
-        self.parts.values.storage_failed = outcome.is_err();
+        self.parts.values.storage_failed |= outcome.is_err();
         outcome.map_err(store_abort)
     }
 }

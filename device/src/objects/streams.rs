@@ -213,7 +213,11 @@ impl<M: Memory, S: Source<I>, I: Instrument> DeviceObjects<'_, M, S, I> {
             self.note(stored)
         });
         match kept {
-            Ok(()) => self.parts.values.calibrated = true,
+            Ok(()) => {
+                self.parts.values.calibrated = true;
+                // What the channel has found so far belongs to the calibration before.
+                self.parts.values.pending.sensor = true;
+            }
             Err(_) => {
                 RecordStore::discard(&mut self.parts.memory);
                 let calibration = &mut self.parts.settings.chain.calibration;

@@ -114,10 +114,12 @@ impl ProductState {
         &mut self.findings
     }
 
-    /// This channel was away, or has been set up anew.
+    /// This channel was away, or has been set up anew: it may have another calibration since, so
+    /// what is averaged and the baseline begin anew.
     pub fn own_away(&mut self) {
         self.findings.own_away();
-        self.movement.restart();
+        self.restart();
+        self.residual.begin_anew();
     }
 
     /// The peer has been started anew.

@@ -116,6 +116,11 @@ impl ResidualState {
             .map(|baseline| towards_zero(baseline, FRACTION) as i32)
     }
 
+    /// What the two usually differ by is learned anew.
+    pub const fn begin_anew(&mut self) {
+        self.learned_us = 0;
+    }
+
     /// There was a gap: the low-passes start from zero. The baseline stays.
     pub fn restart(&mut self) {
         self.low = [[0; 3]; STAGES];
@@ -225,6 +230,12 @@ fn exceeds(low: &mut [i64; 3], threshold: u32, highest: u32) -> bool {
     length_exceeds(low, threshold)
 }
 
+/// More than two vectors of 8 g are apart: a share of it has room in 64 bits.
+const LONGEST_WAY: i64 = 1 << 40;
+
+/// Longer times count as this, 35 minutes, us: below half of 32 bits there is room for a digit.
+const LONGEST_SHARE_US: u32 = u32::MAX / 2;
+
 /// Takes a low-pass a share of the way to the value. 2^-22 is the least share: a hundred seconds
 /// in steps of a millisecond are 2^-17.
 fn follow(low: &mut [i64; 3], value: &[i64; 3], share: u32) {
@@ -233,7 +244,7 @@ fn follow(low: &mut [i64; 3], value: &[i64; 3], share: u32) {
         // Healthy channels are less than 0.1 g apart, and then one multiplication will do.
         let part = match i32::try_from(way) {
             Ok(way) => i64::from(way) * i64::from(share),
-            Err(_) => way.saturating_mul(i64::from(share)),
+            Err(_) => way.clamp(-LONGEST_WAY, LONGEST_WAY) * i64::from(share),
         };
         *low += towards_zero(part, 22);
     }
@@ -248,12 +259,9 @@ pub(super) const fn towards_zero(value: i64, bits: u32) -> i64 {
 /// `elapsed` / (`elapsed` + `tau`) in 2^-22, rounded down: long division by the chip's own of 32
 /// bits, as many digits at a time as there is room for.
 pub(super) fn share_q22(elapsed_us: u32, tau_us: u32) -> u32 {
-    let sum = u64::from(elapsed_us) + u64::from(tau_us);
-    let whole = match u32::try_from(sum.max(1)) {
-        Ok(whole) if whole < 1 << 31 => whole,
-        // Half an hour between two pairs.
-        _ => return ((u64::from(elapsed_us) << 22) / sum.max(1)) as u32,
-    };
+    let elapsed_us = elapsed_us.min(LONGEST_SHARE_US);
+    let sum = elapsed_us.saturating_add(tau_us);
+    let whole = sum.clamp(1, LONGEST_SHARE_US);
     let (mut share, mut rest) = (elapsed_us / whole, elapsed_us % whole);
     let mut left = 22;
     while left > 0 {
@@ -421,8 +429,9 @@ mod tests {
         let times = [0, 1, 3, 999, 2_500, 20_000, 100_000_000, 1 << 30, u32::MAX];
         for elapsed in times {
             for tau in times {
-                let whole = (u64::from(elapsed) + u64::from(tau)).max(1);
-                let exact = (u64::from(elapsed) << 22) / whole;
+                let counted = elapsed.min(LONGEST_SHARE_US);
+                let whole = counted.saturating_add(tau).clamp(1, LONGEST_SHARE_US);
+                let exact = (u64::from(counted) << 22) / u64::from(whole);
                 assert_eq!(u64::from(share_q22(elapsed, tau)), exact, "{elapsed} {tau}");
             }
         }

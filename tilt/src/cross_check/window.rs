@@ -104,6 +104,9 @@ impl WindowCheck {
     }
 
     pub(super) fn exceeds(&self, own: &One, peer: &One) -> bool {
+        if own.is_ok() != peer.is_ok() {
+            return true;
+        }
         let beyond = |delta: &Angle| delta.magnitude() > self.threshold;
         // The uncertainty, which takes a root, is asked for only where it decides.
         let delta = apart(own, peer).ok().filter(beyond);

@@ -297,9 +297,10 @@ impl Motion {
 
     /// Noise of a block in which the squares of the turns add up to `square`, 2^-30 rad^2.
     pub(super) fn noise(&self, square: i64) -> Variances {
-        let turning = square.saturating_mul(i64::from(self.defect_q20)) >> 20;
+        // The least that saturates by far, with room for the product.
+        let turning = (square.min(1 << 42) * i64::from(self.defect_q20)) >> 20;
         Variances {
-            tilt: saturate(i64::from(self.noise.tilt).saturating_add(turning)),
+            tilt: saturate(i64::from(self.noise.tilt) + turning),
             ..self.noise
         }
     }
