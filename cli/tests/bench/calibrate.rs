@@ -75,9 +75,21 @@ fn put_to_work(bench: &Bench) {
     }
 }
 
+/// Slope X of node 1 reads 1.5 deg more than measured.
+fn shift_a_slope(bench: &Bench) {
+    let offset = "slope-long.differential-offset";
+    let set = bench
+        .command(&["set", offset, "1.5deg", "--node", "1"])
+        .output();
+    let (status, _, err) = said(&set.unwrap());
+    assert_eq!(status, Some(0), "{err}");
+}
+
 #[test]
 fn a_motor_calibrates_both_channels_and_verify_accepts_the_report() {
     let bench = bench(&["--uncalibrated"]);
+    // A shift of a slope is none of the calibration's, and was not mentioned.
+    shift_a_slope(&bench);
     // What it was like before must not show: readings once stood still at the last SYNC.
     put_to_work(&bench);
     let before = bench.kept();
@@ -101,6 +113,10 @@ fn a_motor_calibrates_both_channels_and_verify_accepts_the_report() {
         );
         assert!(number(&report, &of("expanded_uncertainty_deg")) < 0.05);
     }
+    assert_eq!(number(&report, "/channels/0/presented/0/offset_deg"), 1.5);
+    assert_eq!(report["channels"][1].get("presented"), None);
+    let shown = "node 1: slope X has an offset of 1.50 deg, from before this calibration";
+    assert!(err.contains(shown), "{err}");
     let largest = number(&report, "/decision/largest_error_deg");
     assert!(largest > 0.0 && largest < 0.1, "{largest}");
     // The live residuals of every stand.

@@ -160,6 +160,23 @@ fn without_a_heartbeat_stop_left_a_node_operational_and_the_verb_failed() {
 }
 
 #[test]
+fn without_a_heartbeat_calibrate_left_the_nodes_in_pre_operational_without_a_word() {
+    let bench = unheard(Some(START), &[]);
+    let file = Scratch::new();
+    let path = file.0.display().to_string();
+    bench.done(&["calibrate", "--keep", &path]);
+    bench.done(&["calibrate", "--restore", &path]);
+    for node in ["1", "2"] {
+        assert_operational(&bench, node);
+    }
+    // A node without heartbeat and PDOs may have been in any state.
+    let bench = unheard(None, &[]);
+    let (status, _, err) = bench.run(&["calibrate", "--restore", &path]);
+    assert_eq!(status, Some(0), "{err}");
+    assert_eq!(err.matches(UNKNOWN).count(), 2, "{err}");
+}
+
+#[test]
 fn without_a_heartbeat_node_id_did_not_stop_the_nodes() {
     let bench = unheard(Some(START), &[]);
     bench.done(&["save", "--stop"]);

@@ -128,6 +128,7 @@ impl Frame<'_> {
             calibrated_before: node.calibrated,
             as_found_crc32: format!("{:08X}", node.found_sum()),
             as_left_crc32: format!("{:08X}", 0),
+            presented: node.presented.clone(),
             ..Channel::default()
         };
         if let Some(made) = self.made.get(place).and_then(|bytes| decode(bytes)) {

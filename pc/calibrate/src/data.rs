@@ -10,6 +10,8 @@ use std::time::{SystemTime, UNIX_EPOCH};
 use chrono::{DateTime, SecondsFormat};
 use serde::Serialize;
 
+use super::presented::Presented;
+
 /// Name of the format.
 pub const FORMAT: &str = "plumb-calibrate";
 
@@ -264,6 +266,9 @@ pub struct Channel {
     pub as_found_crc32: String,
     /// 2062h sub 1 as left, eight hexadecimal digits.
     pub as_left_crc32: String,
+    /// Slopes that the node does not show as measured: a calibration changes none of it.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub presented: Vec<Presented>,
     /// Lowest temperature for which the uncertainty that the channel states holds as left.
     pub span_min_degc: Option<f64>,
     /// The highest.
@@ -383,6 +388,20 @@ impl Channel {
     pub fn largest_error_deg(&self) -> Option<f64> {
         let errors = self.as_left.iter().filter_map(|p| p.error_deg);
         errors.map(f64::abs).reduce(f64::max)
+    }
+
+    /// What its node adds to the angles that were calibrated, in a sentence; `None` where it shows
+    /// them as measured.
+    pub fn as_shown(&self) -> Option<String> {
+        let all: Vec<_> = self.presented.iter().map(Presented::words).collect();
+        (!all.is_empty()).then(|| {
+            format!(
+                "node {}: {}, from before this calibration, which is of the angles as measured; \
+                 zero it again (plumb zero) where it was zeroed",
+                self.node,
+                all.join(" and ")
+            )
+        })
     }
 }
 

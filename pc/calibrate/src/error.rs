@@ -12,6 +12,7 @@ use super::reading::Upset;
 use super::scpi::DeviceError;
 use bus_master::JoinError;
 use bus_master::diagnosis::Silence;
+use bus_master::fault::Fault;
 use bus_master::sdo::SdoError;
 use output::write::{NoPlace, WriteError};
 
@@ -238,6 +239,18 @@ impl From<SdoError> for CalibrateError {
             SdoError::Amid(why, ..) => Self::from(*why),
             SdoError::Lost(error) => Self::Lost(error),
             error => Self::Sdo(error),
+        }
+    }
+}
+
+impl From<Fault> for CalibrateError {
+    fn from(fault: Fault) -> Self {
+        match fault {
+            Fault::Interrupted => Self::Interrupted,
+            Fault::Lost(error) => Self::Lost(error),
+            Fault::Sdo(error) => error.into(),
+            Fault::Silent(why) => Self::Silent(why),
+            other => Self::Lost(io::Error::other(other.to_string())),
         }
     }
 }

@@ -12,13 +12,13 @@ use std::process::ExitCode;
 use clap::Args;
 
 use super::console::tell;
-use super::data::Report;
+use super::data::{Channel, Report};
 use super::error::CalibrateError;
 use super::folder::Folder;
 use super::kept::{self, Kept, KeptNode};
 use super::session::{Node, Session};
 use super::{dcc, page};
-use bus_master::BusOptions;
+use bus_master::{BusOptions, fault};
 use output::write::{Existing, NoPlace, check_place};
 use output::{hex, stdout};
 
@@ -96,8 +96,10 @@ impl Common {
     ) -> Result<ExitCode, CalibrateError> {
         let mut session = self.open(ids)?;
         let done = work(&mut session);
-        session.leave();
+        leave(&mut session);
         let (report, place) = done?;
+        let shown = report.channels.iter().filter_map(Channel::as_shown);
+        shown.for_each(|line| tell(&line));
         self.end(figures(&report), &report, &place)
     }
 
@@ -147,11 +149,11 @@ impl Common {
             NoPlace::Taken => CalibrateError::Earlier(path.to_owned(), "file with --keep"),
             why => CalibrateError::Keep(path.to_owned(), why),
         })?;
-        let mut session = self.open(ids)?;
+        let mut session = Session::look(self.bus.join()?, ids)?;
+        session.one_instrument()?;
         let blank = session.nodes.iter().find(|node| node.is_blank());
         let blank = blank.map(|node| node.id);
         let kept = kept::as_found(&session);
-        session.leave();
         if let Some(id) = blank {
             return Err(CalibrateError::NothingToKeep(id));
         }
@@ -168,7 +170,7 @@ impl Common {
             Err(_) => session.roll_back(),
         };
         let written = kept.of(&session);
-        session.leave();
+        leave(&mut session);
         match (done, left.is_empty()) {
             (Ok(()), _) => self.print_kept(&written, "restored"),
             (Err(error), true) => Err(error),
@@ -188,6 +190,14 @@ impl Common {
         };
         printed.map_err(CalibrateError::Print)?;
         Ok(ExitCode::SUCCESS)
+    }
+}
+
+/// Takes the nodes back to the state in which they were found, and names those of which none is
+/// known.
+fn leave(session: &mut Session) {
+    for id in session.leave() {
+        tell(&fault::unknown(id));
     }
 }
 

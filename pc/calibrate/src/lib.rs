@@ -29,6 +29,7 @@ pub mod kept;
 pub mod motor;
 mod over_temperature;
 mod page;
+mod presented;
 mod quantity;
 mod reading;
 #[cfg(test)]

@@ -77,12 +77,19 @@ fn header(report: &Report) -> String {
     format!(
         "<header>\n<h1>Calibration report</h1>\n<p class=\"lead\">A report of a redundant \
          inclinometer, made by whoever is named in it. It is no certificate of an accredited \
-         laboratory.</p>\n{}{}{}{}</header>\n",
+         laboratory.</p>\n{}{}{}{}{}</header>\n",
         html::verdict(decision.accepted, verdict),
         html::paragraph(&decision.rule),
         html::facts(&facts),
         html::table(&items(report)),
+        as_shown(report),
     )
+}
+
+/// What the nodes add to the angles that this report is of.
+fn as_shown(report: &Report) -> String {
+    let lines = report.channels.iter().filter_map(Channel::as_shown);
+    lines.map(|line| html::paragraph(&line)).collect()
 }
 
 fn items(report: &Report) -> Table {

@@ -31,6 +31,7 @@ fn channel(letter: &str, node: u8) -> Channel {
         calibrated_before: true,
         as_found_crc32: "01234567".to_owned(),
         as_left_crc32: "DEADBEEF".to_owned(),
+        presented: Vec::new(),
         span_min_degc: Some(24.0),
         span_max_degc: Some(26.5),
         condition: Some(3.5),

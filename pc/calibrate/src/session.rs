@@ -19,16 +19,17 @@ use tilt::chain::{Calibration, Correction};
 use tilt::table::Rule;
 
 use super::error::CalibrateError;
+use super::presented::{self, Presented};
 use super::reading::{Reading, Upset, mean_near, wrap};
 use super::turned::Log;
 use bus_master::diagnosis;
 use bus_master::nmt::{self, Command, State, Told};
-use bus_master::nodes;
 use bus_master::sdo::{Client, SdoError};
 use bus_master::{Bus, Received};
+use bus_master::{node, nodes};
 
-/// How long a heartbeat is waited for.
-const HEARTBEAT: Duration = Duration::from_millis(1500);
+/// How long a heartbeat is waited for, beyond one and a half of its periods.
+const HEARTBEAT: Duration = Duration::from_millis(1000);
 
 /// How long samples may stay away.
 const PATIENCE: Duration = Duration::from_secs(10);
@@ -102,6 +103,10 @@ pub struct Node {
     pub calibration: Calibration,
     /// 2063h as it was found: the hash of the report that belongs to it.
     pub hash: Option<Vec<u8>>,
+    /// Slopes that do not read as measured.
+    pub presented: Vec<Presented>,
+    /// Time between two heartbeats (1017h); none where it sends none.
+    pub heartbeat: Option<Duration>,
     /// Time between two samples, s.
     pub period_s: f64,
     /// Whether something was written to it.
@@ -151,7 +156,7 @@ impl Session {
         let mut session = Self::look(bus, ids)?;
         session.one_instrument()?;
         for place in 0..session.nodes.len() {
-            session.nodes[place].state = session.heartbeat(session.nodes[place].id)?;
+            session.nodes[place].state = session.state(place)?;
         }
         for place in 0..session.nodes.len() {
             if let Err(error) = session.enter(place) {
@@ -192,7 +197,9 @@ impl Session {
     }
 
     /// Two nodes are the two channels of one instrument, by what they are and by whom they name.
-    fn one_instrument(&mut self) -> Result<(), CalibrateError> {
+    ///
+    /// Errors: [`CalibrateError::SameChannel`], [`CalibrateError::NotOnePair`].
+    pub fn one_instrument(&mut self) -> Result<(), CalibrateError> {
         let [a, b] = &self.nodes[..] else {
             return Ok(());
         };
@@ -226,6 +233,7 @@ impl Session {
         let kind = self.client(id).read_u32(0x2062, 2)? as u8;
         let calibrated = self.client(id).read_u32(0x2020, 0)? & 0x40 != 0;
         let period = self.client(id).read_u32(0x2033, 0)?;
+        let producer_ms = self.client(id).read_u32(0x1017, 0)?;
         let bytes = Client::patient(&mut self.bus, id).upload(0x2061, 0)?;
         let calibration = decode(&bytes).or_else(|| without_tables(kind, calibrated));
         let calibration = calibration.ok_or(CalibrateError::Undecodable(id))?;
@@ -241,6 +249,8 @@ impl Session {
             bytes,
             calibration,
             hash: hash_of(&mut self.bus, id)?,
+            presented: presented::of(&mut self.client(id))?,
+            heartbeat: (producer_ms != 0).then(|| Duration::from_millis(producer_ms.into())),
             period_s: f64::from(period) / 256e6,
             changed: false,
             upset: None,
@@ -248,9 +258,24 @@ impl Session {
         })
     }
 
-    /// The state that the node's next heartbeat tells.
-    fn heartbeat(&mut self, id: u8) -> Result<Option<Told>, CalibrateError> {
-        let until = Instant::now() + HEARTBEAT;
+    /// The state in which a node is found: by its heartbeat, and where it sends none by its PDOs.
+    fn state(&mut self, place: usize) -> Result<Option<Told>, CalibrateError> {
+        match self.heartbeat(place)? {
+            Some(state) => Ok(Some(state)),
+            None => {
+                let id = self.nodes[place].id;
+                Ok(node::Node::new(&mut self.bus, id).state_or_work()?)
+            }
+        }
+    }
+
+    /// The state that the node's next heartbeat tells; `None` where it sends none.
+    fn heartbeat(&mut self, place: usize) -> Result<Option<Told>, CalibrateError> {
+        let id = self.nodes[place].id;
+        let Some(period) = self.nodes[place].heartbeat else {
+            return Ok(None);
+        };
+        let until = Instant::now() + period * 3 / 2 + HEARTBEAT;
         while let Some(received) = self.hear(until)? {
             if let Some((from, state)) = nmt::heartbeat(&received)
                 && from == id
@@ -274,8 +299,10 @@ impl Session {
         Ok(())
     }
 
-    /// Takes every node back to the state in which it was found.
-    pub fn leave(&mut self) {
+    /// Takes every node back to the state in which it was found; the nodes that are left in
+    /// PRE-OPERATIONAL, since nothing has told their state.
+    pub fn leave(&mut self) -> Vec<u8> {
+        let mut left = Vec::new();
         let states: Vec<_> = self
             .nodes
             .iter()
@@ -285,11 +312,16 @@ impl Session {
             let command = match state {
                 Some(Ok(State::Operational)) => Command::Start,
                 Some(Ok(State::Stopped)) => Command::Stop,
-                _ => continue,
+                Some(_) => continue,
+                None => {
+                    left.push(id);
+                    continue;
+                }
             };
             // The last thing that is done: a bus that is lost tells so elsewhere.
             let _ = self.command(command, id);
         }
+        left
     }
 
     /// Waits for as long as that many seconds of each node's samples take.
@@ -456,7 +488,7 @@ impl Session {
     pub fn confirm(&mut self) -> Result<(), CalibrateError> {
         for place in 0..self.nodes.len() {
             if self.nodes[place].state.is_some() {
-                self.heartbeat(self.nodes[place].id)?;
+                self.heartbeat(place)?;
             }
         }
         self.undisturbed()
@@ -551,6 +583,7 @@ impl Session {
         let id = self.nodes[place].id;
         self.nodes[place].changed = true;
         Client::patient(&mut self.bus, id).download(0x2061, 0, bytes)?;
+        self.sensor_begins_anew(place);
         if self.calibration(place)? != bytes {
             return Err(CalibrateError::Differs(id));
         }
@@ -590,8 +623,14 @@ impl Session {
     /// Errors: a refusal.
     pub fn run_command(&mut self, place: usize, command: u8) -> Result<(), CalibrateError> {
         let id = self.nodes[place].id;
-        let mut client = Client::patient(&mut self.bus, id);
-        Ok(client.download(0x2060, 1, &[command])?)
+        Client::patient(&mut self.bus, id).download(0x2060, 1, &[command])?;
+        self.sensor_begins_anew(place);
+        Ok(())
+    }
+
+    /// With a new calibration a node sets its sensor up anew, and counts samples from 0.
+    fn sensor_begins_anew(&mut self, place: usize) {
+        self.nodes[place].counted = None;
     }
 
     /// 2060h sub 2: the housing stands at `deg`; what the table in force read there less that.

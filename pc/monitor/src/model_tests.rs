@@ -102,6 +102,58 @@ fn different_presets_were_shown_as_a_difference_of_a_pair_that_agrees() {
     assert!((difference - 0.02).abs() < 0.0015, "{difference}");
 }
 
+/// 8000h on both slopes, compared and calibrated, with this state of the pair.
+fn without_slopes(state: u8) -> [u8; 6] {
+    [0, 0x80, 0, 0x80, 0x70, state]
+}
+
+#[test]
+fn a_pair_that_agrees_without_an_angle_that_may_be_used_was_ok() {
+    let mut bench = Bench::new();
+    for _ in 0..4 {
+        for (id, node) in [(0x181, 0x381), (0x182, 0x382)] {
+            bench.take(id, &without_slopes(1));
+            bench.take(node, &angle(10_000));
+        }
+        bench.wait(100);
+    }
+    let verdict = &bench.see().instruments[0].verdict;
+    assert_eq!(verdict.level, Level::Fault);
+    let text = "both agree; no angle of A and B: ";
+    assert!(verdict.text.starts_with(text), "{}", verdict.text);
+}
+
+#[test]
+fn the_difference_was_not_shown_while_the_pair_disagrees() {
+    let mut bench = Bench::new();
+    for _ in 0..4 {
+        for (id, node, mdeg) in [(0x181, 0x381, 10_000), (0x182, 0x382, 8_800)] {
+            bench.take(id, &without_slopes(6));
+            bench.take(node, &angle(mdeg));
+        }
+        bench.wait(100);
+    }
+    let instrument = &bench.see().instruments[0];
+    assert_eq!(instrument.difference_of, Compared::Measured);
+    let difference = instrument.difference_x_deg.unwrap();
+    assert!((difference - 1.2).abs() < 0.0015, "{difference}");
+    assert!(instrument.verdict.text.starts_with("the channels disagree"));
+}
+
+#[test]
+fn two_channels_that_had_both_fallen_silent_were_no_fault() {
+    let mut bench = Bench::new();
+    assert_eq!(bench.see().instruments[0].verdict.level, Level::Unknown);
+    for _ in 0..8 {
+        bench.heartbeats(5);
+        bench.cycle([1000, 1000], [1, 1]);
+        bench.wait(100);
+    }
+    bench.wait(5000);
+    let verdict = &bench.see().instruments[0].verdict;
+    assert_eq!(verdict.level, Level::Fault, "{}", verdict.text);
+}
+
 #[test]
 fn slopes_of_0_1_deg_were_shown_as_a_tenth_of_the_angle_and_ok() {
     let mut bench = Bench::new();

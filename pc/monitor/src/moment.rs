@@ -140,17 +140,16 @@ fn difference(
     channels: &[Channel; 2],
     axis: usize,
 ) -> Known<f64> {
-    // What is compared is what was measured; slopes have each channel's preset in them.
+    // What is compared is what was measured; slopes have each channel's preset in them. It is there
+    // while the pair disagrees, too.
     let measured = measured(model, extra);
-    // Slopes of another unit are there, and what was measured has its own.
-    let is_there = |channel: &&Channel| {
-        channel.slope_deg(axis).is_some() || channel.other_unit && measured.is_some()
-    };
-    let without: Vec<_> = channels
+    if let Some(mdeg) = measured.and_then(|mdeg| mdeg.get(axis).copied().flatten()) {
+        return Known::Fresh(f64::from(mdeg) / 1000.0);
+    }
+    let without = channels
         .iter()
-        .filter(|channel| !is_there(channel))
-        .map(|channel| channel.name)
-        .collect();
+        .filter(|channel| channel.slope_deg(axis).is_none());
+    let without: Vec<_> = without.map(|channel| channel.name).collect();
     if !without.is_empty() {
         return Known::Absent(format!("no angle of {}", without.join(" and ")));
     }
@@ -158,8 +157,7 @@ fn difference(
     let is_fresh = |time_ns: u64| model.now_ns.saturating_sub(time_ns) <= limit;
     let sloped = extra.delta.filter(|(time_ns, _)| is_fresh(*time_ns));
     let sloped = sloped.and_then(|(_, delta)| delta.mdeg.get(axis).copied().flatten());
-    let value = measured.map_or(sloped, |mdeg| mdeg.get(axis).copied().flatten());
-    match value {
+    match sloped.filter(|_| measured.is_none()) {
         Some(mdeg) => Known::Fresh(f64::from(mdeg) / 1000.0),
         None => Known::Absent("the two channels have not reported the same SYNC".to_owned()),
     }
@@ -370,7 +368,15 @@ fn verdict(extra: &PairExtra, channels: &[Channel; 2]) -> Verdict {
         (None, None) if !a.stale && !b.stale => (Level::Unknown, NOT_SENT.to_owned()),
         (None, None) if !a.stale => (Level::Fault, alone(NOT_SENT.to_owned(), b)),
         (None, None) if !b.stale => (Level::Fault, alone(NOT_SENT.to_owned(), a)),
-        (None, None) => (Level::Unknown, format!("no verdict: {}", a.slope_reason(0))),
+        (None, None) => {
+            let are_lost = a.heartbeat_lost && b.heartbeat_lost;
+            let level = if are_lost {
+                Level::Fault
+            } else {
+                Level::Unknown
+            };
+            (level, format!("no verdict: {}", a.slope_reason(0)))
+        }
         (Some(one), Some(two)) if view(0, one) == view(1, two) => {
             (level::of_state(one), text(0, one))
         }
@@ -386,6 +392,7 @@ fn verdict(extra: &PairExtra, channels: &[Channel; 2]) -> Verdict {
         (Some(state), None) => (Level::Fault, alone(text(0, state), b)),
         (None, Some(state)) => (Level::Fault, alone(text(1, state), a)),
     };
+    let (level, text) = with_unusable(level, text, channels);
     let (level, text) = with_units(level, text, channels);
     let (blamed, reason) = blamed(extra, [a.state, b.state]);
     Verdict {
@@ -400,6 +407,24 @@ fn verdict(extra: &PairExtra, channels: &[Channel; 2]) -> Verdict {
 fn half(level: Level, text: &str, other: &Channel) -> (Level, String) {
     let text = format!("{text}; {} does not send its state (2021h)", other.name);
     (level.max(Level::Unknown), text)
+}
+
+/// Two channels may agree while their angles must not be used, as where these are too uncertain.
+fn with_unusable(level: Level, text: String, channels: &[Channel; 2]) -> (Level, String) {
+    if !matches!(level, Level::Good | Level::Warning) {
+        return (level, text);
+    }
+    let unusable = |channel: &&Channel| {
+        let none = channel.slope_x_deg.or(channel.slope_y_deg).is_none();
+        channel.state.is_some() && !channel.other_unit && none
+    };
+    let found: Vec<_> = channels.iter().filter(unusable).collect();
+    let Some(first) = found.first() else {
+        return (level, text);
+    };
+    let names: Vec<_> = found.iter().map(|channel| channel.name).collect();
+    let (names, why) = (names.join(" and "), first.slope_reason(0));
+    (Level::Fault, format!("{text}; no angle of {names}: {why}"))
 }
 
 /// A verdict is of what the nodes compare; that slopes are not shown is said beside it.

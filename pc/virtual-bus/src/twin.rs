@@ -224,6 +224,16 @@ mod tests {
     }
 
     #[test]
+    fn a_fault_of_a_gyroscope_was_accepted_where_there_is_none() {
+        for word in ["rate-frozen", "rate-bias x 5", "rate-scale 3"] {
+            let word = format!("fault b {word}");
+            let refused = twin(&[]).say(&word);
+            assert_eq!(refused, Err(WordError::NoGyroscope));
+            assert!(twin(&["--mode", "dynamic"]).say(&word).is_ok());
+        }
+    }
+
+    #[test]
     fn a_word_that_was_put_off_is_carried_out_at_its_time() {
         let mut twin = twin(&[]);
         assert_eq!(

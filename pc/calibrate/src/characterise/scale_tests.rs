@@ -72,6 +72,8 @@ fn node(held: &Held, place: usize, calibration: Calibration) -> Node {
         bytes: encode(&calibration),
         calibration,
         hash: None,
+        presented: Vec::new(),
+        heartbeat: None,
         period_s: f64::from(period_q8) / 256e6,
         changed: false,
         upset: None,

@@ -402,7 +402,7 @@ mod tests {
         has(&text, "A no angle: stale, 3.0 s old: its heartbeat is lost");
         has(&text, "HEARTBEAT LOST");
         has(&text, "nothing has come for 3 s");
-        has(&text, "?: no verdict");
+        has(&text, "FAULT: no verdict");
     }
 
     #[test]

@@ -42,6 +42,9 @@ pub enum WordError {
     /// Trouble that only the code of a virtual node can have.
     #[error("its code runs on an emulated processor: only its part and its wires break")]
     Beyond,
+    /// Trouble of a gyroscope that the part has not.
+    #[error("this instrument has no gyroscope: serve the one with --mode dynamic")]
+    NoGyroscope,
 }
 
 /// What was read, or why it was not.

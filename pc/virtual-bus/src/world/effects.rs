@@ -8,7 +8,7 @@
 use canopen::Frame;
 use sim::can_bus::{Rates, TransmitOrder};
 use sim::chamber::Chamber;
-use sim::fault::NodeFault;
+use sim::fault::{NodeFault, SensorFault};
 use sim::network::guest::Switch;
 use sim::supply::Supply;
 
@@ -32,8 +32,8 @@ pub enum Done {
 impl Stage {
     /// Carries out a word, now.
     ///
-    /// Errors: [`WordError::Impossible`], [`WordError::ScriptOnly`], [`WordError::Beyond`]; nothing
-    /// has changed then.
+    /// Errors: [`WordError::Impossible`], [`WordError::ScriptOnly`], [`WordError::Beyond`] and
+    /// [`WordError::NoGyroscope`]; nothing has changed then.
     pub fn obey(&mut self, word: &Word) -> Result<Done, WordError> {
         match word {
             Word::Pitch(_) | Word::Roll(_) | Word::Level => self.turn(word)?,
@@ -49,6 +49,11 @@ impl Stage {
             Word::Fault(nodes, trouble) if self.is_beyond(&nodes.0, *trouble) => {
                 return Err(WordError::Beyond);
             }
+            Word::Fault(nodes, Trouble::Sensor(SensorFault::Gyroscope(_)))
+                if nodes.0.iter().any(|n| self.is_without_gyroscope(*n)) =>
+            {
+                return Err(WordError::NoGyroscope);
+            }
             Word::Fault(nodes, trouble) => nodes.0.iter().for_each(|n| self.trouble(*n, *trouble)),
             Word::Heal(nodes) => nodes.0.iter().for_each(|n| self.heal(*n)),
             Word::Switch(nodes, switch) => nodes.0.iter().for_each(|n| self.switch(*n, *switch)),
@@ -58,6 +63,10 @@ impl Stage {
             Word::Wait(_) | Word::Hold | Word::Repeat => return Err(WordError::ScriptOnly),
         }
         Ok(Done::Quietly)
+    }
+
+    fn is_without_gyroscope(&mut self, number: usize) -> bool {
+        self.network.electronics(number).gyroscope().is_none()
     }
 
     fn turn(&mut self, word: &Word) -> Result<(), WordError> {
