@@ -16,7 +16,7 @@ use super::finish::NODES;
 use super::fit::{self, Fitted, Stand};
 use super::motor::{Axis, Motor};
 use super::reading::Reading;
-use super::session::{Session, encode};
+use super::session::{FINISH, Session, encode};
 
 /// Settling after the motor has stopped, s: that of the filter, and of what rings.
 const SETTLE_S: f64 = 0.4;
@@ -64,7 +64,6 @@ pub fn between_points_deg(correction: &Correction, step_deg: f64) -> f64 {
 /// Commands of 2060h sub 1.
 const START_X: u8 = 1;
 const START_Y: u8 = 2;
-const FINISH: u8 = 3;
 const ABANDON: u8 = 4;
 
 /// What the nodes of an instrument are.
