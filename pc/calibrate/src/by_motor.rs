@@ -158,7 +158,7 @@ pub struct Bench<'a> {
     /// The nodes.
     pub session: &'a mut Session,
     /// The motor.
-    pub motor: &'a mut dyn Motor,
+    pub motor: &'a mut Motor,
     /// Where live residuals go, a line each.
     pub tell: &'a dyn Fn(&str),
     /// Standard uncertainty of the motor, deg.
@@ -267,7 +267,7 @@ impl Bench<'_> {
 /// Errors: those of the motor, a lost bus, and [`CalibrateError::Interrupted`].
 pub fn turn(
     session: &mut Session,
-    motor: &mut dyn Motor,
+    motor: &mut Motor,
     axis: Axis,
     deg: f64,
 ) -> Result<(), CalibrateError> {
@@ -280,7 +280,7 @@ pub fn turn(
 /// Errors: see [`turn`].
 pub fn level(
     session: &mut Session,
-    motor: &mut dyn Motor,
+    motor: &mut Motor,
     axes: &[Axis],
 ) -> Result<(), CalibrateError> {
     let mut axes = axes.iter();

@@ -50,7 +50,7 @@ pub struct Turns<'a> {
     /// The nodes.
     pub session: &'a mut Session,
     /// The motor.
-    pub motor: &'a mut dyn Motor,
+    pub motor: &'a mut Motor,
     /// Where live figures go, a line each.
     pub tell: &'a dyn Fn(&str),
     /// Of each node what the fit of its accelerometer leaves, deg rms.

@@ -51,7 +51,7 @@ pub struct Stands<'a> {
     /// The nodes.
     pub session: &'a mut Session,
     /// The motor, which turns two axes.
-    pub motor: &'a mut dyn Motor,
+    pub motor: &'a mut Motor,
     /// Settling behind a movement, s.
     pub settle_s: f64,
     /// Whether gyroscopes are followed.
