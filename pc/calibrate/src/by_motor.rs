@@ -331,9 +331,7 @@ fn live(stand: &Stand, session: &Session) -> String {
 
 /// The largest scatter of the stands' readings of a node, mg.
 pub fn scatter_mg(stands: &[Stand], node: usize) -> f64 {
-    let all = stands.iter().map(|stand| stand.readings[node].scatter_mg);
-    let (sum, count) = all.fold((0.0, 0.0), |(sum, count), mg| (sum + mg * mg, count + 1.0));
-    (sum / f64::max(count, 1.0)).sqrt()
+    fit::rms(stands.iter().map(|stand| stand.readings[node].scatter_mg))
 }
 
 /// Standard uncertainty of a mean of a stand's readings by their scatter, deg.

@@ -6,7 +6,7 @@
 //!
 //! Left out: the schema, which is PTB's and stays outside, signatures, and translations.
 
-use super::data::{Channel, Contribution, Difference, Method, Point, Report};
+use super::data::{Channel, Contribution, Difference, Method, Point, Report, said};
 use super::gyroscope;
 use super::over_temperature;
 use super::quantity::{METRE_PER_SECOND2, SI_PER_MG, content, list, name, real};
@@ -96,7 +96,6 @@ fn administration(xml: &mut Xml, report: &Report, country: &str) {
             .iter()
             .for_each(|channel| item(xml, channel));
     });
-    let said = |text: &Option<String>| text.clone().unwrap_or_else(|| "not stated".to_owned());
     xml.of("dcc:calibrationLaboratory", |xml| {
         xml.of("dcc:contact", |xml| {
             contact(xml, &said(&report.laboratory), country)

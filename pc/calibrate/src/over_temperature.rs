@@ -28,10 +28,7 @@ pub fn page(report: &Report) -> String {
     for (channel, thermal) in channels() {
         out += &format!("<h3>Channel {}</h3>\n", html::escape(&channel.channel));
         out += &html::facts(&facts(channel, thermal));
-        let charts: String = (0..3)
-            .map(|axis| chart(channel, thermal, axis).html())
-            .collect();
-        out += &format!("<div class=\"charts\">\n{charts}</div>\n");
+        out += &html::charts(&[0, 1, 2].map(|axis| chart(channel, thermal, axis)));
         let title = format!("Temperature model of channel {}", channel.channel);
         out += &html::table(&coefficients(&title, &thermal.coefficients));
         out += &html::table(&dwells(channel, thermal));
