@@ -9,16 +9,13 @@
 
 use canopen::Frame;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
-use sim::can_bus::frame_bits;
+use sim::can_bus::{INTERMISSION_BITS, frame_bits};
 
 use super::bins::Bins;
 use super::gaps::{Gap, Gaps};
 use super::join::{Join, join_fields};
 use bus_logs::is_dated;
 use listen::GAP_NS;
-
-/// Bits between two frames.
-const INTERMISSION: u64 = 3;
 
 /// Identifiers of 11 bits.
 const COB_IDS: usize = 2048;
@@ -141,7 +138,7 @@ impl Traffic {
         };
         span.take(now_ns);
         if self.has_bits {
-            let bits = frame_bits(frame) + INTERMISSION;
+            let bits = frame_bits(frame) + INTERMISSION_BITS;
             self.total_bits += bits;
             self.bits.add(now_ns, bits);
         }
@@ -248,7 +245,7 @@ mod tests {
     fn the_rate_is_what_the_frames_take_and_gaps_do_not_count() {
         let mut traffic = Traffic::default();
         let frame = Frame::data_frame(0x701, &[5]);
-        let bits = frame_bits(&frame) + INTERMISSION;
+        let bits = frame_bits(&frame) + INTERMISSION_BITS;
         for n in 0..2000_u64 {
             let pause_ns = if n < 1000 { 0 } else { 600_000_000_000 };
             traffic.take(n * 10_000_000 + pause_ns, &frame);
