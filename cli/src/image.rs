@@ -204,14 +204,11 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, ImageError> {
     };
     let Some(out) = arguments.out.as_ref().filter(|_| !arguments.public) else {
         let public = hex::digits(&public_key(&key));
-        let printed = match arguments.json {
-            true => stdout::print_json(&Done {
-                public_key: Some(public),
-                ..Done::new()
-            }),
-            false => stdout::print(public + "\n"),
+        let done = Done {
+            public_key: Some(public.clone()),
+            ..Done::new()
         };
-        printed.map_err(ImageError::Print)?;
+        stdout::print_as(arguments.json, &done, || public + "\n").map_err(ImageError::Print)?;
         return Ok(ExitCode::SUCCESS);
     };
     let mut images = match arguments.version {

@@ -25,7 +25,6 @@ use bus_master::lss::{BIT_RATES, Identity, Master};
 use bus_master::nmt::{self, Command, State};
 use bus_master::node::Node;
 use bus_master::nodes::{self, Meant};
-use bus_master::sdo::{Client, SdoError};
 use bus_master::survey::{Survey, survey};
 
 /// How long is listened for who is there.
@@ -326,12 +325,10 @@ fn arrived(
 fn selected(bus: &mut Bus, id: u8) -> Result<bool, Fault> {
     let mut identity: Identity = [0; 4];
     for (sub, number) in (1..).zip(&mut identity) {
-        match Client::new(bus, id).read_u32(0x1018, sub) {
-            Ok(found) => *number = found,
-            Err(SdoError::Lost(error)) => return Err(Fault::bus(error)),
-            Err(SdoError::Interrupted) => return Err(Fault::Interrupted),
-            Err(_) => return Ok(false),
-        }
+        let Some(found) = Node::new(bus, id).number_once(0x1018, sub)? else {
+            return Ok(false);
+        };
+        *number = found;
     }
     Ok(Master::new(bus).select(&identity)?)
 }
@@ -373,11 +370,8 @@ fn silent(bus: &mut Bus, nodes: &[u8]) -> Result<Vec<u8>, Fault> {
     while !silent.is_empty() && Instant::now() < until {
         let mut still = Vec::new();
         for id in silent {
-            match Client::new(bus, id).read_u32(0x1000, 0) {
-                Ok(_) => {}
-                Err(SdoError::Lost(error)) => return Err(Fault::bus(error)),
-                Err(SdoError::Interrupted) => return Err(Fault::Interrupted),
-                Err(_) => still.push(id),
+            if Node::new(bus, id).number_once(0x1000, 0)?.is_none() {
+                still.push(id);
             }
         }
         silent = still;

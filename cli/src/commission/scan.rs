@@ -96,9 +96,10 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, CommissionError> {
     }
     pair(&mut nodes);
     let fresh = match heard.unconfigured {
-        true => fresh(&mut bus)?,
-        false => Vec::new(),
+        true => Master::new(&mut bus).fastscan_all(MOST_FRESH),
+        false => Ok(Vec::new()),
     };
+    let fresh = fresh.map_err(Fault::from)?;
     if nodes.is_empty() && fresh.is_empty() {
         return Err(Fault::nobody(&mut bus).into());
     }
@@ -140,8 +141,7 @@ fn found(bus: &mut Bus, heard: &Survey, id: u8) -> Result<Found, Fault> {
     let channel = found.product_code.and_then(nodes::channel_of);
     found.channel = channel.map(codes::dictionary::letter);
     if found.channel.is_some() {
-        let peer = node.number(0x2001, 0)?;
-        found.peer = peer.and_then(|peer| u8::try_from(peer).ok());
+        found.peer = node.peer()?;
     }
     Ok(found)
 }
@@ -158,23 +158,6 @@ fn pair(nodes: &mut [Found]) {
         });
         node.pair = mutual.map(|(other, ..)| *other);
     }
-}
-
-/// Nodes without a node-id. One that was found stays selected and takes no part in the next
-/// search; at the end all of them wait again.
-fn fresh(bus: &mut Bus) -> Result<Vec<Identity>, Fault> {
-    let mut master = Master::new(bus);
-    let mut found = Vec::new();
-    let ended = loop {
-        match master.fastscan() {
-            Ok(Some(identity)) if found.len() < MOST_FRESH => found.push(identity),
-            Ok(_) => break Ok(()),
-            Err(error) => break Err(error),
-        }
-    };
-    master.switch_all(false)?;
-    ended?;
-    Ok(found)
 }
 
 fn content<'a>(nodes: &'a [Found], fresh: &[Identity], more: bool) -> Content<'a> {

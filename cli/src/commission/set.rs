@@ -20,7 +20,7 @@ use super::error::{CommissionError, ends_by_itself};
 use bus_master::fault::Fault;
 use bus_master::nmt::State;
 use bus_master::node::Node;
-use bus_master::sdo::{Client, SdoError};
+use bus_master::sdo::SdoError;
 use codes::name::{self, Named};
 use codes::value;
 
@@ -259,17 +259,13 @@ fn supervised(node: &mut Node, named: &Named, number: i64) -> Result<Option<Stri
     if named.index != HEARTBEAT {
         return Ok(None);
     }
-    let peer = node.number(0x2001, 0)?;
-    let Some(peer) = peer.and_then(|peer| u8::try_from(peer).ok()) else {
+    let Some(peer) = node.peer()? else {
         return Ok(None);
     };
     for sub in 1..=SUPERVISED {
         // One that does not answer has other faults than this.
-        let entry = match Client::new(node.bus, peer).read_u32(0x1016, sub) {
-            Ok(entry) => entry,
-            Err(SdoError::Lost(error)) => return Err(Fault::bus(error)),
-            Err(SdoError::Interrupted) => return Err(Fault::Interrupted),
-            Err(_) => break,
+        let Some(entry) = Node::new(node.bus, peer).number_once(0x1016, sub)? else {
+            break;
         };
         let (id, time) = (entry >> 16 & 0x7F, i64::from(entry & 0xFFFF));
         if id == u32::from(node.id) && time > 0 && !(1..time).contains(&number) {

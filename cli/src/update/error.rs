@@ -4,12 +4,12 @@ use std::io;
 use std::path::PathBuf;
 
 use canopen::object::Abort;
-use flash::image::ImageError;
 
 use super::version::version;
 use bus_master::JoinError;
 use bus_master::diagnosis::Silence;
 use bus_master::sdo::SdoError;
+use flash::image::ImageError;
 
 /// Why an update ended before every node ran the new program.
 #[derive(Debug, thiserror::Error)]
@@ -17,26 +17,9 @@ pub enum UpdateError {
     /// A file can't be read.
     #[error("cannot read {path}: {1}", path = .0.display())]
     File(PathBuf, io::Error),
-    /// A file is no image.
-    #[error("{path} is no image: {b}", path = .0.display(), b = no_image(*.1))]
-    Image(PathBuf, ImageError),
-    /// A file ends early, or its body is damaged.
-    #[error("{path} is damaged: fetch it again", path = .0.display())]
-    Damaged(PathBuf),
-    /// A file is for a debug probe.
-    #[error(
-        "{path} is for a debug probe (docs/bring-up.md): give the images for the two slots, as \
-         plumb-VERSION-slot-a.img and plumb-VERSION-slot-b.img",
-        path = .0.display()
-    )]
-    Probe(PathBuf),
-    /// A file is the paper's instrument's.
-    #[error(
-        "{path} is a program of the paper's instrument, which takes none over the bus: use a debug \
-         probe (docs/bring-up.md)",
-        path = .0.display()
-    )]
-    Paper(PathBuf),
+    /// A file holds no images.
+    #[error("{path} {1}", path = .0.display())]
+    Images(PathBuf, FileError),
     /// The files hold images of two versions.
     #[error(
         "the images are of two versions, {a} and {b}: give those of one",
@@ -185,6 +168,29 @@ fn refused(index: u16, sub: u8, code: u32) -> String {
         ),
         _ => format!("refuses {index:04X}h sub {sub}: abort code {code:08X}h"),
     }
+}
+
+/// Why bytes are no images, as it is said of their file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum FileError {
+    /// One of them is no image for any slot.
+    #[error("is no image: {a}", a = no_image(*.0))]
+    Image(ImageError),
+    /// The bytes end early, or a body is not what was linked.
+    #[error("is damaged: fetch it again")]
+    Damaged,
+    /// They are for a debug probe: the whole flash of a part, or a program with its addresses.
+    #[error(
+        "is for a debug probe (docs/bring-up.md): give the images for the two slots, as \
+         plumb-VERSION-slot-a.img and plumb-VERSION-slot-b.img"
+    )]
+    Probe,
+    /// They are the paper's instrument's, which takes no program over the bus.
+    #[error(
+        "is a program of the paper's instrument, which takes none over the bus: use a debug probe \
+         (docs/bring-up.md)"
+    )]
+    Paper,
 }
 
 /// Why bytes are no image, in words.

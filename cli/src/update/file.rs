@@ -15,7 +15,7 @@ use flash::check_sum::Crc32;
 use flash::image::{FIELDS, Header, ImageError, SIGNATURE_AT};
 use flash::layout::{BASE, C8, HEADER, Layout, RAM, RC, Slot};
 
-use super::error::UpdateError;
+use super::error::{FileError, UpdateError};
 
 /// One image.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -41,37 +41,18 @@ impl Image {
     }
 }
 
-/// Why bytes are no images.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum FileError {
-    /// One of them is no image for any slot.
-    Image(ImageError),
-    /// The bytes end early, or a body is not what was linked.
-    Damaged,
-    /// They are for a debug probe: the whole flash of a part, or a program with its addresses.
-    Probe,
-    /// They are the paper's instrument's, which takes no program over the bus.
-    Paper,
-}
-
 /// The part that images are built for.
 const LAYOUT: Layout = RC;
 
 /// Reads the images of these files; all are of one version.
 ///
-/// Errors: [`UpdateError::File`], [`UpdateError::Image`], [`UpdateError::Damaged`],
-/// [`UpdateError::Probe`], [`UpdateError::Paper`], [`UpdateError::Versions`].
+/// Errors: [`UpdateError::File`], [`UpdateError::Images`], [`UpdateError::Versions`].
 pub fn read(paths: &[impl AsRef<Path>]) -> Result<Vec<Image>, UpdateError> {
     let mut images: Vec<Image> = Vec::new();
     for path in paths {
         let path = path.as_ref();
         let bytes = fs::read(path).map_err(|e| UpdateError::File(path.to_owned(), e))?;
-        let found = parse(&bytes).map_err(|error| match error {
-            FileError::Image(error) => UpdateError::Image(path.to_owned(), error),
-            FileError::Damaged => UpdateError::Damaged(path.to_owned()),
-            FileError::Probe => UpdateError::Probe(path.to_owned()),
-            FileError::Paper => UpdateError::Paper(path.to_owned()),
-        })?;
+        let found = parse(&bytes).map_err(|e| UpdateError::Images(path.to_owned(), e))?;
         images.extend(found);
     }
     let versions = |image: &Image| image.header.version.0;

@@ -48,11 +48,8 @@ impl Told<'_> {
     /// Tells it.
     pub fn tell(self, node: u8, event: NodeEvent) {
         // Whoever reads has gone or has no room; the nodes must not suffer from it.
-        let _ = if self.json {
-            stdout::print_json(&line(node, event))
-        } else {
-            stdout::print(sentence(node, event) + "\n")
-        };
+        let text = || sentence(node, event) + "\n";
+        let _ = stdout::print_as(self.json, &line(node, event), text);
     }
 }
 

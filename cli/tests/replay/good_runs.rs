@@ -212,10 +212,7 @@ fn a_channel_that_stops_is_named() {
         .last()
         .unwrap()
         .clone();
-    assert_eq!(
-        last["verdict"],
-        "channel 2 is faulty: samples have stopped coming"
-    );
+    assert_eq!(last["verdict"], "channel 2 is faulty: samples have stopped");
     assert!((last["from_s"].as_f64().unwrap() - 65.0).abs() < 0.1);
 }
 

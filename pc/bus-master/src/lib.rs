@@ -29,4 +29,4 @@ pub mod survey;
 pub use bus::{Bus, interrupted};
 pub use error::JoinError;
 pub use options::BusOptions;
-pub use received::{Received, Trouble};
+pub use received::{Received, Trouble, now_ns};

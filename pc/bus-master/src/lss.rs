@@ -172,6 +172,23 @@ impl<'a> Master<'a> {
         Err(LssError::Silent("fastscan"))
     }
 
+    /// The nodes without a node-id, `most` of them at most. One that was found stays selected and
+    /// takes no part in the next search; at the end all of them wait again.
+    ///
+    /// Errors: see [`Master::fastscan`].
+    pub fn fastscan_all(&mut self, most: usize) -> Result<Vec<Identity>, LssError> {
+        let mut found = Vec::new();
+        let ended = loop {
+            match self.fastscan() {
+                Ok(Some(identity)) if found.len() < most => found.push(identity),
+                Ok(_) => break Ok(found),
+                Err(error) => break Err(error),
+            }
+        };
+        self.switch_all(false)?;
+        ended
+    }
+
     /// Bit by bit: 0 is asked for, and silence means 1. `None` when the end does not confirm it.
     fn scan_with(&mut self, wait: Duration) -> Result<Option<Identity>, LssError> {
         let mut found = [0_u32; 4];

@@ -115,6 +115,26 @@ impl<'a> Node<'a> {
         Ok(self.asked(|client| client.read_u32(index, sub))?.ok())
     }
 
+    /// The same, asked for once: `None` also where nobody answers, as a node in STOPPED.
+    ///
+    /// Errors: the bus is lost, or the user has ended it.
+    pub fn number_once(&mut self, index: u16, sub: u8) -> Result<Option<u32>, Fault> {
+        match self.client().read_u32(index, sub) {
+            Ok(number) => Ok(Some(number)),
+            Err(SdoError::Lost(error)) => Err(Fault::bus(error)),
+            Err(SdoError::Interrupted) => Err(Fault::Interrupted),
+            Err(_) => Ok(None),
+        }
+    }
+
+    /// The node-id of the other channel (2001h); `None` where the node has no such object.
+    ///
+    /// Errors: see [`Fault`].
+    pub fn peer(&mut self) -> Result<Option<u8>, Fault> {
+        let peer = self.number(0x2001, 0)?;
+        Ok(peer.and_then(|peer| u8::try_from(peer).ok()))
+    }
+
     /// Writes an object, once.
     ///
     /// Errors: see [`Fault`].
@@ -179,7 +199,7 @@ impl<'a> Node<'a> {
         }
         for index in TPDOS {
             // The first one that it does not have is the last one to ask for.
-            let Some(cob_id) = self.tpdo(index)? else {
+            let Some(cob_id) = self.number_once(index, 1)? else {
                 break;
             };
             if cob_id & NOT_HEARD == 0 && pdos.contains(&((cob_id & 0x7FF) as u16)) {
@@ -187,16 +207,6 @@ impl<'a> Node<'a> {
             }
         }
         Ok(None)
-    }
-
-    /// The identifier of a TPDO; a node that does not answer, as in STOPPED, sends none.
-    fn tpdo(&mut self, index: u16) -> Result<Option<u32>, Fault> {
-        match self.client().read_u32(index, 1) {
-            Ok(cob_id) => Ok(Some(cob_id)),
-            Err(SdoError::Lost(error)) => Err(Fault::bus(error)),
-            Err(SdoError::Interrupted) => Err(Fault::Interrupted),
-            Err(_) => Ok(None),
-        }
     }
 
     /// Sends an NMT command to it.

@@ -21,7 +21,6 @@ use super::fault::Fault;
 use super::nmt::{State, Told};
 use super::node::Node;
 use crate::Bus;
-use crate::sdo::{Client, SdoError};
 use crate::survey::{self, Survey};
 
 /// How long is waited for answers; heartbeats need not come for this.
@@ -201,7 +200,7 @@ fn plumbs(bus: &mut Bus, survey: &mut Survey) -> Result<Vec<u8>, Fault> {
     let heard: Vec<u8> = survey.heartbeats.keys().copied().collect();
     for node in heard {
         if !survey.answers.contains_key(&node)
-            && let Some(kind) = device_type(bus, node)?
+            && let Some(kind) = Node::new(bus, node).number_once(0x1000, 0)?
         {
             survey.answers.insert(node, Some(kind));
         }
@@ -220,14 +219,13 @@ fn plumbs(bus: &mut Bus, survey: &mut Survey) -> Result<Vec<u8>, Fault> {
 fn with_peers(bus: &mut Bus, survey: &Survey, found: Vec<u8>) -> Result<Meant, NodesError> {
     let (mut nodes, mut missing) = (found.clone(), Vec::new());
     for node in found {
-        let peer = Node::new(bus, node).number(0x2001, 0)?;
-        let Some(peer) = peer.and_then(|peer| u8::try_from(peer).ok()) else {
+        let Some(peer) = Node::new(bus, node).peer()? else {
             continue;
         };
         if nodes.contains(&peer) || survey.answers.contains_key(&peer) {
             continue;
         }
-        match device_type(bus, peer)? {
+        match Node::new(bus, peer).number_once(0x1000, 0)? {
             Some(_) if channel(bus, peer)?.is_some() => nodes.push(peer),
             Some(_) => {}
             None => {
@@ -238,16 +236,6 @@ fn with_peers(bus: &mut Bus, survey: &Survey, found: Vec<u8>) -> Result<Meant, N
     }
     nodes.sort_unstable();
     Ok(Meant { nodes, missing })
-}
-
-/// The device type of a node; `None` where it does not answer or refuses.
-fn device_type(bus: &mut Bus, node: u8) -> Result<Option<u32>, Fault> {
-    match Client::new(bus, node).read_u32(0x1000, 0) {
-        Ok(kind) => Ok(Some(kind)),
-        Err(SdoError::Lost(error)) => Err(Fault::bus(error)),
-        Err(SdoError::Interrupted) => Err(Fault::Interrupted),
-        Err(_) => Ok(None),
-    }
 }
 
 /// Which channel of a Plumb a node is, by its product code; `None` for another device.

@@ -12,7 +12,7 @@ use super::by_motor::STILL_MG;
 use super::console::{Answer, Console};
 use super::error::CalibrateError;
 use super::fit::{compensated_g, temperature};
-use super::gains::{self, Demand, Outcome, Rest};
+use super::gains::{Demand, Outcome, Rest};
 use super::hand::{self, Faces, HandFit, NEAR_DEG, POSES, Taken, angle_deg};
 use super::reading::Reading;
 use super::session::{Node, Session, encode};
@@ -126,21 +126,12 @@ impl Bench<'_> {
         faces: &Faces,
     ) -> Result<Vec<Outcome>, CalibrateError> {
         let logs = self.session.end_to_follow();
-        let mut outcomes = Vec::new();
-        for (place, (log, fit)) in logs.iter().zip(fits).enumerate() {
-            let rests: Vec<Rest> = self.rests.iter().map(|rest| rest[place].clone()).collect();
-            let demand = Demand {
-                vertical_deg: fit.vertical_deg(faces),
-                fewest: FEWEST_TURNS,
-                shown: [true; 3],
-            };
-            let outcome = turns::fit_and_write(self.session, place, |calibration, period_s| {
-                gains::solve(calibration, period_s, log, &rests, &demand)
-            });
-            outcomes.push(outcome?);
-        }
-        turns::tell_outcomes(self.session, &outcomes, self.tell);
-        Ok(outcomes)
+        let demand = |place: usize| Demand {
+            vertical_deg: fits[place].vertical_deg(faces),
+            fewest: FEWEST_TURNS,
+            shown: [true; 3],
+        };
+        turns::solve_all(self.session, &logs, &self.rests, demand, self.tell)
     }
 
     /// The live residual: what the poses so far miss of gravity's length.
@@ -262,14 +253,6 @@ impl Bench<'_> {
         }
     }
 
-    /// Samples that each gyroscope has missed; none where none is followed.
-    fn gaps(&mut self) -> Result<Vec<u16>, CalibrateError> {
-        let followed = self.session.marks()?.len();
-        (0..followed)
-            .map(|place| self.session.gaps(place))
-            .collect()
-    }
-
     /// Waits until the housing stands still, and takes its mean.
     fn stillness(&mut self) -> Result<Vec<Reading>, CalibrateError> {
         let mut told = false;
@@ -277,16 +260,13 @@ impl Bench<'_> {
             self.session.settle(SETTLE_S)?;
             let glance = self.session.read(GLANCE, APART_S)?;
             if glance.iter().all(|r| r.scatter_mg <= STILL_MG) {
-                let gaps = self.gaps()?;
-                let from = self.session.marks()?;
-                let mean = self.session.read(READINGS, APART_S)?;
-                let to = self.session.marks()?;
+                let read = |session: &mut Session| session.read(READINGS, APART_S);
+                let (mean, rests) = turns::followed(self.session, false, read)?;
                 let still = mean.iter().zip(&glance).all(|(mean, glance)| {
                     mean.scatter_mg <= STILL_MG && apart_mg(mean, glance) <= DRIFT_MG
                 });
                 if still {
-                    if !from.is_empty() {
-                        let rests = turns::rests(&mean, &from, &to, &gaps, false);
+                    if !rests.is_empty() {
                         self.rests.push(rests);
                     }
                     return Ok(mean);

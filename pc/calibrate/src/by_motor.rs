@@ -157,7 +157,7 @@ pub struct Bench<'a> {
     /// The nodes.
     pub session: &'a mut Session,
     /// The motor.
-    pub motor: &'a mut dyn Motor,
+    pub motor: &'a mut Motor,
     /// Where live residuals go, a line each.
     pub tell: &'a dyn Fn(&str),
     /// Standard uncertainty of the motor, deg.
@@ -266,7 +266,7 @@ impl Bench<'_> {
 /// Errors: those of the motor, a lost bus, and [`CalibrateError::Interrupted`].
 pub fn turn(
     session: &mut Session,
-    motor: &mut dyn Motor,
+    motor: &mut Motor,
     axis: Axis,
     deg: f64,
 ) -> Result<(), CalibrateError> {
@@ -279,7 +279,7 @@ pub fn turn(
 /// Errors: see [`turn`].
 pub fn level(
     session: &mut Session,
-    motor: &mut dyn Motor,
+    motor: &mut Motor,
     axes: &[Axis],
 ) -> Result<(), CalibrateError> {
     let mut axes = axes.iter();
@@ -330,9 +330,7 @@ fn live(stand: &Stand, session: &Session) -> String {
 
 /// The largest scatter of the stands' readings of a node, mg.
 pub fn scatter_mg(stands: &[Stand], node: usize) -> f64 {
-    let all = stands.iter().map(|stand| stand.readings[node].scatter_mg);
-    let (sum, count) = all.fold((0.0, 0.0), |(sum, count), mg| (sum + mg * mg, count + 1.0));
-    (sum / f64::max(count, 1.0)).sqrt()
+    fit::rms(stands.iter().map(|stand| stand.readings[node].scatter_mg))
 }
 
 /// Standard uncertainty of a mean of a stand's readings by their scatter, deg.

@@ -386,8 +386,7 @@ impl Point {
 impl Channel {
     /// The largest error as left without sign.
     pub fn largest_error_deg(&self) -> Option<f64> {
-        let errors = self.as_left.iter().filter_map(|p| p.error_deg);
-        errors.map(f64::abs).reduce(f64::max)
+        largest_error_deg(&self.as_left)
     }
 
     /// What its node adds to the angles that were calibrated, in a sentence; `None` where it shows
@@ -403,6 +402,17 @@ impl Channel {
             )
         })
     }
+}
+
+/// Who or what it is, where it was stated.
+pub fn said(text: &Option<String>) -> String {
+    text.clone().unwrap_or_else(|| "not stated".to_owned())
+}
+
+/// The largest error of these angles without sign; `None` where none was read.
+pub fn largest_error_deg(points: &[Point]) -> Option<f64> {
+    let errors = points.iter().filter_map(|p| p.error_deg);
+    errors.map(f64::abs).reduce(f64::max)
 }
 
 impl Report {

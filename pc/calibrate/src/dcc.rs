@@ -6,10 +6,12 @@
 //!
 //! Left out: the schema, which is PTB's and stays outside, signatures, and translations.
 
-use super::data::{Channel, Contribution, Difference, Method, Point, Report};
+use super::data::{Channel, Difference, Method, Point, Report, said};
 use super::gyroscope;
 use super::over_temperature;
-use super::quantity::{METRE_PER_SECOND2, SI_PER_MG, content, list, name, real};
+use super::quantity::{
+    METRE_PER_SECOND2, SI_PER_MG, content, list, name, real, result_of, result_of_lists,
+};
 use super::xml::Xml;
 
 /// The format's root, and its release.
@@ -96,7 +98,6 @@ fn administration(xml: &mut Xml, report: &Report, country: &str) {
             .iter()
             .for_each(|channel| item(xml, channel));
     });
-    let said = |text: &Option<String>| text.clone().unwrap_or_else(|| "not stated".to_owned());
     xml.of("dcc:calibrationLaboratory", |xml| {
         xml.of("dcc:contact", |xml| {
             contact(xml, &said(&report.laboratory), country)
@@ -275,14 +276,9 @@ fn results(xml: &mut Xml, channel: &Channel) {
     }
     if !channel.poses.is_empty() {
         let mg: Vec<f64> = channel.poses.iter().map(|p| p.length_error_mg).collect();
-        xml.of("dcc:result", |xml| {
-            name(xml, "Length of gravity less 1 g, by pose");
-            xml.of("dcc:data", |xml| {
-                let si: Vec<f64> = mg.iter().map(|mg| mg * SI_PER_MG).collect();
-                xml.of("dcc:list", |xml| {
-                    list(xml, "Length", &si, METRE_PER_SECOND2, None)
-                });
-            });
+        let si: Vec<f64> = mg.iter().map(|mg| mg * SI_PER_MG).collect();
+        result_of_lists(xml, "Length of gravity less 1 g, by pose", |xml| {
+            list(xml, "Length", &si, METRE_PER_SECOND2, None);
         });
     }
     if let Some(thermal) = &channel.thermal {
@@ -294,19 +290,11 @@ fn results(xml: &mut Xml, channel: &Channel) {
     if let Some(turns) = &channel.gyroscope_turns {
         gyroscope::turns_result(xml, turns);
     }
-    xml.of("dcc:result", |xml| {
-        name(xml, "Uncertainty of an angle as left, k = 1");
-        xml.of("dcc:data", |xml| {
-            for Contribution {
-                name: called,
-                standard_uncertainty_deg,
-                ..
-            } in &channel.uncertainty
-            {
-                real(xml, called, *standard_uncertainty_deg, DEGREE);
-            }
-            real(xml, "Combined", channel.combined_uncertainty_deg, DEGREE);
-        });
+    result_of(xml, "Uncertainty of an angle as left, k = 1", |xml| {
+        for one in &channel.uncertainty {
+            real(xml, &one.name, one.standard_uncertainty_deg, DEGREE);
+        }
+        real(xml, "Combined", channel.combined_uncertainty_deg, DEGREE);
     });
 }
 
@@ -322,15 +310,10 @@ fn points_of(xml: &mut Xml, what: &str, axis: &str, points: &[Point], u_deg: f64
         return;
     }
     let column = |of: fn(&(f64, f64, f64)) -> f64| there.iter().map(of).collect::<Vec<_>>();
-    xml.of("dcc:result", |xml| {
-        name(xml, what);
-        xml.of("dcc:data", |xml| {
-            xml.of("dcc:list", |xml| {
-                list(xml, "Reference", &column(|p| p.0), DEGREE, None);
-                list(xml, "Reading", &column(|p| p.1), DEGREE, None);
-                list(xml, "Error", &column(|p| p.2), DEGREE, Some(u_deg));
-            });
-        });
+    result_of_lists(xml, what, |xml| {
+        list(xml, "Reference", &column(|p| p.0), DEGREE, None);
+        list(xml, "Reading", &column(|p| p.1), DEGREE, None);
+        list(xml, "Error", &column(|p| p.2), DEGREE, Some(u_deg));
     });
 }
 
@@ -359,14 +342,9 @@ fn difference(xml: &mut Xml, what: &str, axis: &str, all: &[Difference]) {
         return;
     }
     let (at, difference): (Vec<f64>, Vec<f64>) = there.into_iter().unzip();
-    xml.of("dcc:result", |xml| {
-        name(xml, what);
-        xml.of("dcc:data", |xml| {
-            xml.of("dcc:list", |xml| {
-                list(xml, "Reference", &at, DEGREE, None);
-                list(xml, "Difference", &difference, DEGREE, None);
-            });
-        });
+    result_of_lists(xml, what, |xml| {
+        list(xml, "Reference", &at, DEGREE, None);
+        list(xml, "Difference", &difference, DEGREE, None);
     });
 }
 

@@ -131,11 +131,8 @@ impl Common {
         report: &Report,
         place: &Path,
     ) -> Result<ExitCode, CalibrateError> {
-        let printed = match self.json {
-            true => stdout::print_json(report),
-            false => stdout::print(figures + &verdict(report, place)),
-        };
-        printed.map_err(CalibrateError::Print)?;
+        let text = || figures + &verdict(report, place);
+        stdout::print_as(self.json, report, text).map_err(CalibrateError::Print)?;
         Ok(match report.decision.accepted {
             true => ExitCode::SUCCESS,
             false => ExitCode::from(1),
@@ -179,16 +176,12 @@ impl Common {
     }
 
     fn print_kept(&self, kept: &Kept, word: &str) -> Result<ExitCode, CalibrateError> {
-        let printed = if self.json {
-            stdout::print_json(kept)
-        } else {
-            let line = |node: &KeptNode| {
-                let (serial, crc) = (node.serial_number, &node.crc32);
-                format!("serial number {serial}: calibration {crc} {word}\n")
-            };
-            stdout::print(kept.nodes.iter().map(line).collect::<String>())
+        let line = |node: &KeptNode| {
+            let (serial, crc) = (node.serial_number, &node.crc32);
+            format!("serial number {serial}: calibration {crc} {word}\n")
         };
-        printed.map_err(CalibrateError::Print)?;
+        let text = || kept.nodes.iter().map(line).collect();
+        stdout::print_as(self.json, kept, text).map_err(CalibrateError::Print)?;
         Ok(ExitCode::SUCCESS)
     }
 }

@@ -54,13 +54,15 @@ pub struct Fitted {
 impl Fitted {
     /// Root mean square of the residuals, deg.
     pub fn residual_deg(&self) -> f64 {
-        rms_deg(&self.residuals)
+        rms(self.residuals.iter().map(|(.., deg)| *deg))
     }
 }
 
-fn rms_deg(residuals: &[(Axis, f64, f64)]) -> f64 {
-    let squares: f64 = residuals.iter().map(|(.., r)| r * r).sum();
-    (squares / residuals.len().max(1) as f64).sqrt()
+/// Root mean square, in the unit of the values; 0 of none.
+pub fn rms(values: impl IntoIterator<Item = f64>) -> f64 {
+    let add = |(sum, count), value: f64| (sum + value * value, count + 1.0);
+    let (sum, count) = values.into_iter().fold((0.0, 0.0), add);
+    (sum / f64::max(count, 1.0)).sqrt()
 }
 
 /// A mean reading, in steps of 2^-26 g, compensated by `model` at this temperature.
@@ -143,7 +145,7 @@ pub fn by_motor(
     };
     let residuals = residuals(&correction, stands, &points);
     // What the reference itself scatters is in its own term already.
-    let unexpected = rms_deg(&residuals).powi(2) - reference_deg.powi(2);
+    let unexpected = rms(residuals.iter().map(|(.., deg)| *deg)).powi(2) - reference_deg.powi(2);
     let residual_deg = unexpected.max(0.0).sqrt();
     let temperatures = stands
         .iter()

@@ -16,6 +16,7 @@
 //! Left out: following the nodes (`session`), and who turns (`turns`, `by_hand`).
 
 use tilt::calibration::FitError;
+use tilt::calibration::algebra::cross;
 use tilt::calibration::gyroscope::{
     Accuracy, BiasFit, FittedBias, FittedGains, GainFit, Rotation, Turn,
 };
@@ -433,10 +434,6 @@ pub fn rotations(steps: &[Step], bias: [f64; 3], period_s: f64) -> Vec<([f64; 3]
         ([0, 1, 2].map(|axis| own[axis] * own_s + more[axis]), own_s)
     };
     (0..rates.len()).map(around).collect()
-}
-
-fn cross([ax, ay, az]: [f64; 3], [bx, by, bz]: [f64; 3]) -> [f64; 3] {
-    [ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx]
 }
 
 #[cfg(test)]

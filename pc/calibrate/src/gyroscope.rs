@@ -11,7 +11,7 @@ use tilt::rate::RateCorrection;
 use super::data::{Channel, Coefficient, LeftOut, Report, Turns};
 use super::gains::{Found, Outcome};
 use super::over_temperature::{AXES, coefficients, put_coefficients};
-use super::quantity::{name, real};
+use super::quantity::{self, real};
 use super::xml::Xml;
 use output::html;
 
@@ -242,10 +242,8 @@ fn facts(turns: &Turns) -> Vec<(&'static str, String)> {
 
 /// The result of the certificate.
 pub fn result(xml: &mut Xml, gyroscope: &[Coefficient]) {
-    xml.of("dcc:result", |xml| {
-        name(xml, "Gyroscope, as stored in the calibration as left");
-        xml.of("dcc:data", |xml| put_coefficients(xml, gyroscope));
-    });
+    let what = "Gyroscope, as stored in the calibration as left";
+    quantity::result_of(xml, what, |xml| put_coefficients(xml, gyroscope));
 }
 
 /// The result about the turns.
@@ -254,25 +252,15 @@ pub fn turns_result(xml: &mut Xml, turns: &Turns) {
     let what = refused.map_or("Turns for the gyroscope".to_owned(), |refused| {
         format!("Turns for the gyroscope, which is as it was found: {refused}")
     });
-    xml.of("dcc:result", |xml| {
-        name(xml, &what);
-        xml.of("dcc:data", |xml| {
-            real(xml, "Turns used", f64::from(turns.used), "\\one");
-            for (what, deg) in [
-                (
-                    "Left by the fit in one direction of a turn's end, rms",
-                    turns.turns_residual_deg,
-                ),
-                (
-                    "Largest error of the turns that check the fit",
-                    turns.check_deg,
-                ),
-            ] {
-                if let Some(deg) = deg {
-                    real(xml, what, deg, "\\degree");
-                }
+    let left = "Left by the fit in one direction of a turn's end, rms";
+    let largest = "Largest error of the turns that check the fit";
+    quantity::result_of(xml, &what, |xml| {
+        real(xml, "Turns used", f64::from(turns.used), "\\one");
+        for (what, deg) in [(left, turns.turns_residual_deg), (largest, turns.check_deg)] {
+            if let Some(deg) = deg {
+                real(xml, what, deg, "\\degree");
             }
-        });
+        }
     });
 }
 

@@ -18,6 +18,7 @@
 //! Left out: standstill, and who puts the housing down (`by_hand`).
 
 use tilt::angle::Axes;
+use tilt::calibration::algebra::{cross, dot, plus};
 use tilt::calibration::least_squares::times;
 use tilt::calibration::{FitError, poses};
 use tilt::chain::{Calibration, Correction};
@@ -377,9 +378,9 @@ fn frame(
             let mut next = || found.next().map(|t| normal(fit.apply(t.mean_g)));
             [next(), next()].map(Option::unwrap_or_default)
         });
-        let sums = both.fold([[0.0; 3]; 2], |[s, t], [u, v]| [add(s, u), add(t, v)]);
+        let sums = both.fold([[0.0; 3]; 2], |[s, t], [u, v]| [plus(s, u), plus(t, v)]);
         let [one, other] = sums.map(normal);
-        (normal(add(one, other)), angle_deg(one, other) / 2.0)
+        (normal(plus(one, other)), angle_deg(one, other) / 2.0)
     };
     let (z, base_surface_deg) = pair(Use::Base);
     let (side, side_surface_deg) = pair(Use::Side);
@@ -409,18 +410,6 @@ fn frame(
 /// The angle between two directions, deg.
 pub fn angle_deg(a: [f64; 3], b: [f64; 3]) -> f64 {
     length(cross(a, b)).atan2(dot(a, b)).to_degrees()
-}
-
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
-}
-
-fn cross([a, b, c]: [f64; 3], [x, y, z]: [f64; 3]) -> [f64; 3] {
-    [b * z - c * y, c * x - a * z, a * y - b * x]
-}
-
-fn add(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    std::array::from_fn(|i| a[i] + b[i])
 }
 
 fn length(v: [f64; 3]) -> f64 {

@@ -70,7 +70,7 @@ pub use finish::Common;
 use finish::Done;
 use folder::Folder;
 use hand::{FEWEST, POSES};
-use motor::{Motor, ScpiMotor};
+use motor::Motor;
 pub use reading::{Reading, mean_near, wrap};
 pub use session::Session;
 
@@ -138,7 +138,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, CalibrateError> {
          both",
     )?;
     let folder = Folder::claim(&arguments.out, common.force)?;
-    let motor = arguments.motor.as_deref().map(ScpiMotor::connect);
+    let motor = arguments.motor.as_deref().map(Motor::connect);
     let motor = motor.transpose()?;
     common.with_nodes(&ids, figures, |session| {
         arguments.fine_enough(session)?;
@@ -169,7 +169,7 @@ fn work(
     arguments: &Arguments,
     folder: &Folder,
     session: &mut Session,
-    motor: Option<ScpiMotor>,
+    motor: Option<Motor>,
 ) -> Done {
     let begun = now();
     let report = match motor {
@@ -182,7 +182,7 @@ fn work(
 fn with_motor(
     arguments: &Arguments,
     session: &mut Session,
-    motor: &mut dyn Motor,
+    motor: &mut Motor,
     begun: u64,
 ) -> Result<Report, CalibrateError> {
     let name = motor.identity()?;

@@ -1,8 +1,8 @@
-//! What turns the housing: a motor with a known angle, and one that is spoken to in lines.
+//! What turns the housing: a motor with a known angle that is spoken to in lines.
 //!
-//! In: an axis and an angle in degrees. Out: the housing stands there, or why not. [`Motor`] is
-//! what another table has to do; [`ScpiMotor`] does it in words after the manner of SCPI over TCP
-//! or a serial port (docs/motor.md), which `plumb serve --motor` understands.
+//! In: an axis and an angle in degrees. Out: the housing stands there, or why not. The lines are
+//! words after the manner of SCPI over TCP or a serial port (docs/motor.md), which
+//! `plumb serve --motor` understands.
 //!
 //! Left out: whether the housing shakes, which the sensor itself tells.
 
@@ -37,53 +37,19 @@ impl Axis {
     }
 }
 
-/// A motor that the housing is mounted on, or anything else with known angles.
-pub trait Motor {
-    /// Who it is, as it goes into the report.
-    ///
-    /// Errors: see [`DeviceError`].
-    fn identity(&mut self) -> Result<String, DeviceError>;
-
-    /// The axes that it turns without the housing being mounted anew.
-    ///
-    /// Errors: see [`DeviceError`].
-    fn axes(&mut self) -> Result<Vec<Axis>, DeviceError>;
-
-    /// Standard uncertainty (k = 1) of its angles in deg; `None` when it does not report it.
-    ///
-    /// Errors: see [`DeviceError`].
-    fn uncertainty_deg(&mut self) -> Result<Option<f64>, DeviceError>;
-
-    /// Turns to `deg` and returns when it stands there. `wait` is called again and again
-    /// meanwhile; when it is false, nobody waits any longer.
-    ///
-    /// Errors: see [`DeviceError`].
-    fn turn(
-        &mut self,
-        axis: Axis,
-        deg: f64,
-        wait: &mut dyn FnMut() -> bool,
-    ) -> Result<(), DeviceError>;
-
-    /// Where it stands by its own measure, deg: the reference of the calibration.
-    ///
-    /// Errors: see [`DeviceError`].
-    fn position_deg(&mut self, axis: Axis) -> Result<f64, DeviceError>;
-}
-
 /// How long a move may take.
 const MOVE: Duration = Duration::from_secs(120);
 
 /// So much next to where it was sent a motor may stand, deg.
 const NEAR_DEG: f64 = 0.5;
 
-/// A motor that is spoken to in lines.
+/// A motor that the housing is mounted on, or anything else with known angles.
 #[derive(Debug)]
-pub struct ScpiMotor {
+pub struct Motor {
     scpi: Scpi,
 }
 
-impl ScpiMotor {
+impl Motor {
     /// Connects to `tcp://HOST:PORT`, `HOST:PORT` or `serial://PATH?baud=RATE`.
     ///
     /// Errors: [`DeviceError::Address`], [`DeviceError::Connect`].
@@ -91,14 +57,18 @@ impl ScpiMotor {
         let scpi = Scpi::connect(Device::Motor, url)?;
         Ok(Self { scpi })
     }
-}
 
-impl Motor for ScpiMotor {
-    fn identity(&mut self) -> Result<String, DeviceError> {
+    /// Who it is, as it goes into the report.
+    ///
+    /// Errors: see [`DeviceError`].
+    pub fn identity(&mut self) -> Result<String, DeviceError> {
         self.scpi.identity()
     }
 
-    fn axes(&mut self) -> Result<Vec<Axis>, DeviceError> {
+    /// The axes that it turns without the housing being mounted anew.
+    ///
+    /// Errors: see [`DeviceError`].
+    pub fn axes(&mut self) -> Result<Vec<Axis>, DeviceError> {
         const ASKED: &str = "CONF:AXES?";
         let said = self.scpi.ask(ASKED)?;
         let named = |axis: &Axis| said.split(',').any(|word| word.trim() == axis.word());
@@ -109,12 +79,19 @@ impl Motor for ScpiMotor {
         }
     }
 
-    fn uncertainty_deg(&mut self) -> Result<Option<f64>, DeviceError> {
+    /// Standard uncertainty (k = 1) of its angles in deg; `None` when it does not report it.
+    ///
+    /// Errors: see [`DeviceError`].
+    pub fn uncertainty_deg(&mut self) -> Result<Option<f64>, DeviceError> {
         let said = self.scpi.number("CONF:UNC?")?;
         Ok(Some(said).filter(|deg| *deg > 0.0))
     }
 
-    fn turn(
+    /// Turns to `deg` and returns when it stands there. `wait` is called again and again
+    /// meanwhile; when it is false, nobody waits any longer.
+    ///
+    /// Errors: see [`DeviceError`].
+    pub fn turn(
         &mut self,
         axis: Axis,
         deg: f64,
@@ -133,7 +110,10 @@ impl Motor for ScpiMotor {
         Ok(())
     }
 
-    fn position_deg(&mut self, axis: Axis) -> Result<f64, DeviceError> {
+    /// Where it stands by its own measure, deg: the reference of the calibration.
+    ///
+    /// Errors: see [`DeviceError`].
+    pub fn position_deg(&mut self, axis: Axis) -> Result<f64, DeviceError> {
         self.scpi.number(&format!("POS:{}?", axis.word()))
     }
 }
@@ -143,9 +123,9 @@ mod tests {
     use super::*;
     use crate::scpi::script;
 
-    fn motor(answers: &[&'static str]) -> ScpiMotor {
+    fn motor(answers: &[&'static str]) -> Motor {
         let scpi = script::device(Device::Motor, answers);
-        ScpiMotor { scpi }
+        Motor { scpi }
     }
 
     #[test]

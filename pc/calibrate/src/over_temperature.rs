@@ -9,7 +9,7 @@
 use super::data::{
     Channel, Coefficient, GyroscopeBias, GyroscopeScale, Report, Thermal, ThermalDwell,
 };
-use super::quantity::{METRE_PER_SECOND2, SI_PER_MG, list, name, real};
+use super::quantity::{METRE_PER_SECOND2, SI_PER_MG, list, real, result_of, result_of_lists};
 use super::xml::Xml;
 use output::chart::{Chart, Ink, Level, Plot, Shape};
 use output::html;
@@ -28,10 +28,7 @@ pub fn page(report: &Report) -> String {
     for (channel, thermal) in channels() {
         out += &format!("<h3>Channel {}</h3>\n", html::escape(&channel.channel));
         out += &html::facts(&facts(channel, thermal));
-        let charts: String = (0..3)
-            .map(|axis| chart(channel, thermal, axis).html())
-            .collect();
-        out += &format!("<div class=\"charts\">\n{charts}</div>\n");
+        out += &html::charts(&[0, 1, 2].map(|axis| chart(channel, thermal, axis)));
         let title = format!("Temperature model of channel {}", channel.channel);
         out += &html::table(&coefficients(&title, &thermal.coefficients));
         out += &html::table(&dwells(channel, thermal));
@@ -213,27 +210,20 @@ fn bias_result(xml: &mut Xml, bias: &GyroscopeBias) {
         "Bias of the gyroscope over temperature".to_owned(),
         |refused| format!("Bias of the gyroscope, which is as it was found: {refused}"),
     );
-    xml.of("dcc:result", |xml| {
-        name(xml, &what);
-        xml.of("dcc:data", |xml| {
-            real(xml, "Rests", f64::from(bias.rests), ONE);
-            real(xml, "Rests left out", f64::from(bias.rests_left_out), ONE);
-            for (called, values) in [
-                (
-                    "Left at a rest, rms, in deg/s",
-                    one(bias.bias_residual_deg_s),
-                ),
-                ("Hysteresis of x, y and z, in deg/s", axes),
-                (
-                    "Between runs, rms, in deg/s",
-                    one(bias.bias_between_runs_deg_s),
-                ),
-            ] {
-                if let Some(values) = values {
-                    list(xml, called, &values, ONE, None);
-                }
+    let residual = one(bias.bias_residual_deg_s);
+    let between = one(bias.bias_between_runs_deg_s);
+    result_of(xml, &what, |xml| {
+        real(xml, "Rests", f64::from(bias.rests), ONE);
+        real(xml, "Rests left out", f64::from(bias.rests_left_out), ONE);
+        for (called, values) in [
+            ("Left at a rest, rms, in deg/s", residual),
+            ("Hysteresis of x, y and z, in deg/s", axes),
+            ("Between runs, rms, in deg/s", between),
+        ] {
+            if let Some(values) = values {
+                list(xml, called, &values, ONE, None);
             }
-        });
+        }
     });
 }
 
@@ -244,50 +234,36 @@ fn scale_result(xml: &mut Xml, scale: &GyroscopeScale) {
         |refused| format!("Scale of the gyroscope, whose slopes are as they were found: {refused}"),
     );
     let left_out: u32 = scale.left_out.iter().map(|left| left.turns).sum();
-    xml.of("dcc:result", |xml| {
-        name(xml, &what);
-        xml.of("dcc:data", |xml| {
-            real(xml, "Turns", f64::from(scale.used), ONE);
-            real(xml, "Turns left out", f64::from(left_out), ONE);
-            if let Some(deg) = scale.scale_residual_deg {
-                real(xml, "Left at the end of a turn, rms", deg, "\\degree");
-            }
-        });
+    result_of(xml, &what, |xml| {
+        real(xml, "Turns", f64::from(scale.used), ONE);
+        real(xml, "Turns left out", f64::from(left_out), ONE);
+        if let Some(deg) = scale.scale_residual_deg {
+            real(xml, "Left at the end of a turn, rms", deg, "\\degree");
+        }
     });
 }
 
 /// The results of the certificate: range, coefficients, and what is left at each dwell.
 pub fn results(xml: &mut Xml, thermal: &Thermal) {
-    xml.of("dcc:result", |xml| {
-        name(xml, &format!("Temperature model, {}", thermal.model));
-        xml.of("dcc:data", |xml| {
-            let lowest = "Lowest temperature at which the model holds";
-            real(xml, lowest, thermal.sensor_min_degc, DEGREE_CELSIUS);
-            let highest = "Highest temperature at which the model holds";
-            real(xml, highest, thermal.sensor_max_degc, DEGREE_CELSIUS);
-            put_coefficients(xml, &thermal.coefficients);
-        });
+    let what = format!("Temperature model, {}", thermal.model);
+    result_of(xml, &what, |xml| {
+        let lowest = "Lowest temperature at which the model holds";
+        real(xml, lowest, thermal.sensor_min_degc, DEGREE_CELSIUS);
+        let highest = "Highest temperature at which the model holds";
+        real(xml, highest, thermal.sensor_max_degc, DEGREE_CELSIUS);
+        put_coefficients(xml, &thermal.coefficients);
     });
-    xml.of("dcc:result", |xml| {
-        name(xml, "Left by the temperature model");
-        xml.of("dcc:data", |xml| {
-            xml.of("dcc:list", |xml| {
-                let of = |of: fn(&ThermalDwell) -> f64| -> Vec<f64> {
-                    thermal.dwells.iter().map(of).collect()
-                };
-                list(xml, "Run", &of(|d| f64::from(d.run)), ONE, None);
-                list(xml, "Sensor", &of(|d| d.sensor_degc), DEGREE_CELSIUS, None);
-                for (axis, called) in AXES.iter().enumerate() {
-                    let left = thermal
-                        .dwells
-                        .iter()
-                        .map(|d| d.residuals_mg[axis] * SI_PER_MG);
-                    let left: Vec<f64> = left.collect();
-                    let called = format!("Left by the model, axis {called}");
-                    list(xml, &called, &left, METRE_PER_SECOND2, None);
-                }
-            });
-        });
+    result_of_lists(xml, "Left by the temperature model", |xml| {
+        let of =
+            |of: fn(&ThermalDwell) -> f64| -> Vec<f64> { thermal.dwells.iter().map(of).collect() };
+        list(xml, "Run", &of(|d| f64::from(d.run)), ONE, None);
+        list(xml, "Sensor", &of(|d| d.sensor_degc), DEGREE_CELSIUS, None);
+        for (axis, called) in AXES.iter().enumerate() {
+            let dwells = thermal.dwells.iter();
+            let left: Vec<f64> = dwells.map(|d| d.residuals_mg[axis] * SI_PER_MG).collect();
+            let called = format!("Left by the model, axis {called}");
+            list(xml, &called, &left, METRE_PER_SECOND2, None);
+        }
     });
     if let Some(bias) = &thermal.gyroscope_bias {
         bias_result(xml, bias);

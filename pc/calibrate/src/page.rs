@@ -5,46 +5,39 @@
 //!
 //! Left out: a signature, and the word certificate as its title.
 
-use super::data::{Channel, Difference, Method, Point, Report};
+use super::data::{Channel, Difference, Method, Point, Report, largest_error_deg, said};
+use super::fit;
 use super::gyroscope;
 use super::over_temperature;
 use output::chart::{Chart, Ink, Level, Plot, Shape};
 use output::html;
 use output::table::{Cell, Column, Rows, Table};
 
+const LEAD: &str = "A report of a redundant inclinometer, made by whoever is named in it. It is no \
+    certificate of an accredited laboratory.";
+
 /// The page.
 pub fn page(report: &Report) -> String {
     let mut body = header(report);
-    body += &section("Reference and surroundings", &reference(report));
+    body += &html::section("Reference and surroundings", &reference(report));
     let angles = |c: &Channel| !c.as_left.is_empty();
     if report.channels.iter().any(angles) {
-        body += &section("Results", &results(report));
+        body += &html::section("Results", &results(report));
     }
     if report.method == Method::ByHand {
-        body += &section("Poses", &poses(report));
+        body += &html::section("Poses", &poses(report));
     }
     let thermal = over_temperature::page(report);
     if !thermal.is_empty() {
-        body += &section("Over temperature", &thermal);
+        body += &html::section("Over temperature", &thermal);
     }
     let gyroscope = gyroscope::page(report);
     if !gyroscope.is_empty() {
-        body += &section("Gyroscope", &gyroscope);
+        body += &html::section("Gyroscope", &gyroscope);
     }
-    body += &section("Uncertainty", &uncertainty(report));
+    body += &html::section("Uncertainty", &uncertainty(report));
     body += &format!("<footer>{}</footer>\n", html::paragraph(&footer(report)));
     html::page("Calibration report", &body)
-}
-
-fn section(title: &str, content: &str) -> String {
-    format!(
-        "<section>\n<h2>{}</h2>\n{content}</section>\n",
-        html::escape(title)
-    )
-}
-
-fn said(text: &Option<String>) -> String {
-    text.clone().unwrap_or_else(|| "not stated".to_owned())
 }
 
 const fn method(method: Method) -> &'static str {
@@ -74,16 +67,14 @@ fn header(report: &Report) -> String {
         ("Bus", report.bus.clone()),
         ("Plumb", report.plumb_version.clone()),
     ];
-    format!(
-        "<header>\n<h1>Calibration report</h1>\n<p class=\"lead\">A report of a redundant \
-         inclinometer, made by whoever is named in it. It is no certificate of an accredited \
-         laboratory.</p>\n{}{}{}{}{}</header>\n",
+    let more = [
         html::verdict(decision.accepted, verdict),
         html::paragraph(&decision.rule),
         html::facts(&facts),
         html::table(&items(report)),
         as_shown(report),
-    )
+    ];
+    html::header("Calibration report", LEAD, &more.concat())
 }
 
 /// What the nodes add to the angles that this report is of.
@@ -132,17 +123,14 @@ fn reference(report: &Report) -> String {
 fn results(report: &Report) -> String {
     let mut out = html::table(&summary(report));
     for axis in ["X", "Y"] {
-        let charts: String = [
+        let charts = [
             errors(report, axis, true),
             errors(report, axis, false),
             difference(report, axis),
-        ]
-        .into_iter()
-        .flatten()
-        .map(|chart| chart.html())
-        .collect();
+        ];
+        let charts: Vec<Chart> = charts.into_iter().flatten().collect();
         if !charts.is_empty() {
-            out += &format!("<h3>Slope {axis}</h3>\n<div class=\"charts\">\n{charts}</div>\n");
+            out += &format!("<h3>Slope {axis}</h3>\n{}", html::charts(&charts));
         }
     }
     for channel in &report.channels {
@@ -151,15 +139,9 @@ fn results(report: &Report) -> String {
     out
 }
 
-fn largest(points: &[Point]) -> Option<f64> {
-    let errors = points.iter().filter_map(|p| p.error_deg);
-    errors.map(f64::abs).reduce(f64::max)
-}
-
 fn rms(points: &[Point]) -> Option<f64> {
     let errors: Vec<f64> = points.iter().filter_map(|p| p.error_deg).collect();
-    let squares: f64 = errors.iter().map(|e| e * e).sum();
-    (!errors.is_empty()).then(|| (squares / errors.len() as f64).sqrt())
+    (!errors.is_empty()).then(|| fit::rms(errors))
 }
 
 fn summary(report: &Report) -> Table {
@@ -167,15 +149,16 @@ fn summary(report: &Report) -> Table {
     const LEFT: &str = "Error as left, deg";
     let within = |c: &Channel| {
         let u = c.expanded_uncertainty_deg;
-        largest(&c.as_left).is_some_and(|error| error + u <= report.decision.tolerance_deg)
+        c.largest_error_deg()
+            .is_some_and(|error| error + u <= report.decision.tolerance_deg)
     };
     Rows::of("Errors", &report.channels)
         .text("Channel", |c| &c.channel)
-        .number("largest", 3, |c| largest(&c.as_found))
+        .number("largest", 3, |c| largest_error_deg(&c.as_found))
         .under(FOUND)
         .number("rms", 3, |c| rms(&c.as_found))
         .under(FOUND)
-        .number("largest", 3, |c| largest(&c.as_left))
+        .number("largest", 3, Channel::largest_error_deg)
         .under(LEFT)
         .number("rms", 3, |c| rms(&c.as_left))
         .under(LEFT)

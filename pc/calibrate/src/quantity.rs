@@ -54,6 +54,19 @@ pub fn list(xml: &mut Xml, what: &str, values: &[f64], unit: &str, expanded: Opt
     });
 }
 
+/// A result with its name and its data.
+pub fn result_of(xml: &mut Xml, what: &str, data: impl FnOnce(&mut Xml)) {
+    xml.of("dcc:result", |xml| {
+        name(xml, what);
+        xml.of("dcc:data", data);
+    });
+}
+
+/// A result whose data are lists of the same length.
+pub fn result_of_lists(xml: &mut Xml, what: &str, lists: impl FnOnce(&mut Xml)) {
+    result_of(xml, what, |xml| xml.of("dcc:list", lists));
+}
+
 /// A number with six decimals, and no minus before zero.
 fn decimal(value: f64) -> String {
     let text = format!("{value:.6}");

@@ -435,6 +435,11 @@ impl Session {
         std::mem::take(&mut self.followed)
     }
 
+    /// How many gyroscopes are followed: of each node one, or none.
+    pub const fn followed(&self) -> usize {
+        self.followed.len()
+    }
+
     /// Where the log of each gyroscope is now.
     ///
     /// Errors: a node that does not answer.

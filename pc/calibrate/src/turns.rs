@@ -17,6 +17,7 @@ use super::motor::{Axis, Motor};
 use super::reading::Reading;
 use super::scpi::DeviceError;
 use super::session::{Session, decode, encode};
+use super::turned::Log;
 
 /// Where the motor rests on each axis, deg: turns of 90 and 180 deg, to and fro, and nowhere back
 /// to where one began.
@@ -49,7 +50,7 @@ pub struct Turns<'a> {
     /// The nodes.
     pub session: &'a mut Session,
     /// The motor.
-    pub motor: &'a mut dyn Motor,
+    pub motor: &'a mut Motor,
     /// Where live figures go, a line each.
     pub tell: &'a dyn Fn(&str),
     /// Of each node what the fit of its accelerometer leaves, deg rms.
@@ -68,22 +69,12 @@ impl Turns<'_> {
         let turned = self.turn_all();
         let logs = self.session.end_to_follow();
         let rests = turned?;
-        let mut outcomes = Vec::new();
-        for (place, log) in logs.iter().enumerate() {
-            let rests: Vec<Rest> = rests.iter().map(|rest| rest[place].clone()).collect();
-            let demand = Demand {
-                vertical_deg: self.residual_deg[place].hypot(VERTICAL_DEG),
-                fewest: FEWEST,
-                shown: [true, true, false],
-            };
-            outcomes.push(fit_and_write(
-                self.session,
-                place,
-                |calibration, period_s| solve(calibration, period_s, log, &rests, &demand),
-            )?);
-        }
-        tell_outcomes(self.session, &outcomes, self.tell);
-        Ok(Some(outcomes))
+        let demand = |place: usize| Demand {
+            vertical_deg: self.residual_deg[place].hypot(VERTICAL_DEG),
+            fewest: FEWEST,
+            shown: [true, true, false],
+        };
+        solve_all(self.session, &logs, &rests, demand, self.tell).map(Some)
     }
 
     /// All rests, each of all nodes, the motor at 0 at the end.
@@ -134,41 +125,62 @@ impl Turns<'_> {
 ///
 /// Errors: a housing that shakes, and those of the nodes.
 fn rest(session: &mut Session, checks: bool) -> Result<Vec<Rest>, CalibrateError> {
-    let mut gaps = Vec::new();
     session.settle(SETTLE_S)?;
-    for place in 0..session.nodes.len() {
-        gaps.push(session.gaps(place)?);
-    }
-    let from = session.marks()?;
-    let readings = still(session, 0.0, READINGS, "between two turns")?;
-    let to = session.marks()?;
-    Ok(rests(&readings, &from, &to, &gaps, checks))
+    let read = |session: &mut Session| still(session, 0.0, READINGS, "between two turns");
+    Ok(followed(session, checks, read)?.1)
 }
 
-/// One rest of each node from its parts.
-pub fn rests(
-    readings: &[Reading],
-    from: &[usize],
-    to: &[usize],
-    gaps: &[u16],
+/// What all nodes read, and where their gyroscopes stood meanwhile: one rest of each node that is
+/// followed.
+///
+/// Errors: those of the nodes, and of `read`.
+pub fn followed(
+    session: &mut Session,
     checks: bool,
-) -> Vec<Rest> {
-    let marks = from.iter().zip(to).zip(gaps);
+    read: impl FnOnce(&mut Session) -> Result<Vec<Reading>, CalibrateError>,
+) -> Result<(Vec<Reading>, Vec<Rest>), CalibrateError> {
+    let gaps = (0..session.followed()).map(|place| session.gaps(place));
+    let gaps = gaps.collect::<Result<Vec<u16>, _>>()?;
+    let from = session.marks()?;
+    let readings = read(session)?;
+    let marks = from.into_iter().zip(session.marks()?).zip(gaps);
     let all = readings.iter().zip(marks);
-    all.map(|(reading, ((from, to), gaps))| Rest {
+    let rests = all.map(|(reading, ((from, to), gaps))| Rest {
         reading: reading.clone(),
-        marks: [*from, *to],
-        gaps: *gaps,
+        marks: [from, to],
+        gaps,
         checks,
-    })
-    .collect()
+    });
+    let rests = rests.collect();
+    Ok((readings, rests))
+}
+
+/// Fits and writes each node from its log and its place's rests, and tells what has come of it.
+///
+/// Errors: those of the nodes.
+pub fn solve_all(
+    session: &mut Session,
+    logs: &[Log],
+    rests: &[Vec<Rest>],
+    demand: impl Fn(usize) -> Demand,
+    tell: &dyn Fn(&str),
+) -> Result<Vec<Outcome>, CalibrateError> {
+    let mut outcomes = Vec::new();
+    for (place, log) in logs.iter().enumerate() {
+        let rests: Vec<Rest> = rests.iter().map(|rest| rest[place].clone()).collect();
+        outcomes.push(fit_and_write(session, place, |calibration, period_s| {
+            solve(calibration, period_s, log, &rests, &demand(place))
+        })?);
+    }
+    tell_outcomes(session, &outcomes, tell);
+    Ok(outcomes)
 }
 
 /// Fits a node by the calibration that it has now, and writes what was found. The angle that it
 /// gives then decides; without one it has the calibration of before again.
 ///
 /// Errors: those of the nodes.
-pub fn fit_and_write(
+fn fit_and_write(
     session: &mut Session,
     place: usize,
     solve: impl FnOnce(&tilt::chain::Calibration, f64) -> Outcome,
@@ -197,7 +209,7 @@ pub fn fit_and_write(
 }
 
 /// A line for each turn that cannot be used, and one for each gyroscope.
-pub fn tell_outcomes(session: &Session, outcomes: &[Outcome], tell: &dyn Fn(&str)) {
+fn tell_outcomes(session: &Session, outcomes: &[Outcome], tell: &dyn Fn(&str)) {
     for (node, outcome) in session.nodes.iter().zip(outcomes) {
         let letter = node.letter();
         for (number, reason) in &outcome.bad {

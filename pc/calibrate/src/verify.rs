@@ -122,11 +122,8 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, CalibrateError> {
         matches,
         nodes,
     };
-    let printed = match arguments.json {
-        true => stdout::print_json(&verified),
-        false => stdout::print(text(&verified)),
-    };
-    printed.map_err(CalibrateError::Print)?;
+    stdout::print_as(arguments.json, &verified, || text(&verified))
+        .map_err(CalibrateError::Print)?;
     Ok(match matches {
         true => ExitCode::SUCCESS,
         false => ExitCode::from(1),

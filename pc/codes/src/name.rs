@@ -19,6 +19,7 @@ use device::objects::row::{Row, Shape};
 use device::objects::table;
 
 use crate::dictionary::{self, Object};
+use output::printable;
 
 /// Short names for what is used daily.
 pub const SHORT: [(&str, u16, u8); 11] = [
@@ -184,11 +185,6 @@ pub fn find(text: &str) -> Result<Vec<Named>, NameError> {
         Some((index, sub)) => Ok(at(&objects, index, sub)),
         None => Err(NameError::Unknown(printable(text), near(&wanted))),
     }
-}
-
-/// What may stand in an error's line.
-fn printable(text: &str) -> String {
-    output::printable(text)
 }
 
 /// The one object that a name means.

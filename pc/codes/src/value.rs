@@ -14,7 +14,8 @@ use device::objects::row::Row;
 use device::objects::table::{self, Channel};
 
 use super::name::{self, Named};
-use crate::{dictionary, meaning, supervised, words};
+use crate::meaning::{self, Scale};
+use crate::{dictionary, supervised, words};
 use output::printable;
 
 /// Units that may be written, the unit that they are counted in, and how much of it they are.
@@ -37,15 +38,6 @@ const UNITS: [(&str, &str, f64); 14] = [
 
 /// How near to a step a number has to be to be meant as that step.
 const NEAR: f64 = 1e-6;
-
-/// How a number of an object counts.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Scale {
-    /// Worth of one step in the unit.
-    pub factor: f64,
-    /// The unit, empty for none.
-    pub unit: String,
-}
 
 /// The object whose number a row's unit is multiplied with: 6000h, 6200h, 6800h.
 pub fn depends_on(row: &Row) -> Option<u16> {

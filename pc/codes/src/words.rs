@@ -55,7 +55,8 @@ pub fn because(code: u8) -> Cow<'static, str> {
     reason(code).unwrap_or("no reason given".into())
 }
 
-const fn invalid(reason: Invalid) -> &'static str {
+/// Why a channel has no angle.
+pub const fn invalid(reason: Invalid) -> &'static str {
     match reason {
         Invalid::NoSample => "no sample yet",
         Invalid::Settling => "the filter settles",

@@ -105,24 +105,6 @@ pub struct Counts {
     pub backwards: u64,
 }
 
-impl Counts {
-    /// Takes the counts of another log.
-    pub const fn merge(&mut self, other: &Self) {
-        self.frames = self.frames.saturating_add(other.frames);
-        self.syncs = self.syncs.saturating_add(other.syncs);
-        self.malformed = self.malformed.saturating_add(other.malformed);
-        self.others = self.others.saturating_add(other.others);
-        self.nmt = self.nmt.saturating_add(other.nmt);
-        self.sdo = self.sdo.saturating_add(other.sdo);
-        self.services = self.services.saturating_add(other.services);
-        self.unplanned = self.unplanned.saturating_add(other.unplanned);
-        self.strangers = self.strangers.saturating_add(other.strangers);
-        self.extended = self.extended.saturating_add(other.extended);
-        self.remote = self.remote.saturating_add(other.remote);
-        self.backwards = self.backwards.saturating_add(other.backwards);
-    }
-}
-
 /// What an identifier stands for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Target {

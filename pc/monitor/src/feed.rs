@@ -6,12 +6,12 @@
 //! Left out: what they mean; logs, which are in `log_feed`.
 
 use std::io;
-use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, Instant};
 
 use canopen::Frame;
 
 use bus_master::survey::Survey;
-use bus_master::{Bus, BusOptions, JoinError, diagnosis};
+use bus_master::{Bus, BusOptions, JoinError, diagnosis, now_ns};
 
 /// What a source gives.
 #[derive(Debug)]
@@ -119,7 +119,7 @@ impl Feed for BusFeed {
     fn now_ns(&self) -> u64 {
         match self.last {
             Some((time_ns, at)) => time_ns.saturating_add(as_ns(at.elapsed())),
-            None => host_ns(),
+            None => now_ns(),
         }
     }
 
@@ -152,12 +152,6 @@ impl Feed for BusFeed {
         self.bus = bus;
         Ok(())
     }
-}
-
-/// Nanoseconds since 1970 on this computer's clock.
-pub fn host_ns() -> u64 {
-    let since = SystemTime::now().duration_since(UNIX_EPOCH);
-    since.map_or(0, as_ns)
 }
 
 /// Whole nanoseconds.

@@ -30,6 +30,7 @@ mod web;
 #[cfg(test)]
 mod model_tests;
 
+use std::collections::BTreeMap;
 use std::io::{self, IsTerminal as _, Write as _};
 use std::net::TcpListener;
 use std::process::ExitCode;
@@ -44,7 +45,7 @@ pub use options::Arguments;
 use feed::{BusFeed, Feed};
 use log_feed::{LogFeed, LogOptions};
 use model::{Model, Setup};
-use plain::EventObject;
+use plain::Record;
 use reading::{Ending, Line, Outcome, Reader, Shared, Tasks};
 use record::Recorder;
 use web::Server;
@@ -231,13 +232,13 @@ fn address(json: bool, url: String) -> io::Result<String> {
     if !json {
         return Ok(format!("the page is at {url}\n"));
     }
-    Ok(serde_json::to_string(&plain::PageObject::new(url))? + "\n")
+    Ok(serde_json::to_string(&Record::new("page", BTreeMap::from([("url", url)])))? + "\n")
 }
 
 fn text(json: bool, line: &Line) -> io::Result<String> {
     Ok(match (json, line) {
         (true, Line::State(snapshot)) => serde_json::to_string(snapshot)? + "\n",
-        (true, Line::Event(event)) => serde_json::to_string(&EventObject::new(event))? + "\n",
+        (true, Line::Event(event)) => serde_json::to_string(&Record::new("event", event))? + "\n",
         (false, Line::State(snapshot)) => plain::state(snapshot),
         (false, Line::Event(event)) => plain::event(event) + "\n",
     })

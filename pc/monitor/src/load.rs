@@ -6,10 +6,7 @@
 //! Left out: error frames, which no adapter passes on here.
 
 use canopen::Frame;
-use sim::can_bus::frame_bits;
-
-/// Bits between two frames in which nobody begins.
-const INTERMISSION_BITS: u64 = 3;
+use sim::can_bus::{INTERMISSION_BITS, frame_bits};
 
 /// Length of a slot.
 const SLOT_NS: u64 = 100_000_000;

@@ -12,8 +12,8 @@ use super::level::{self, Level};
 use super::model::{DETAIL, Extra, Model, PairExtra, SLOPES};
 use super::pace::{Pace, Patience};
 use super::snapshot::{
-    Bus, Channel, Compared, FORMAT, FindingCount, Instrument, Known, Snapshot, SourceState,
-    StandingFault, VERSION, Verdict,
+    Bus, Channel, Compared, FORMAT, FindingCount, Instrument, Snapshot, SourceState, StandingFault,
+    VERSION, Verdict,
 };
 use codes::words;
 use listen::{Detail, Now, Pair, Side, Slopes};
@@ -113,14 +113,14 @@ fn instrument(model: &Model, number: usize, pair: &Pair, extra: &PairExtra) -> I
     let [extra_a, extra_b] = &extra.sides;
     let channels = [channel(model, 0, a, extra_a), channel(model, 1, b, extra_b)];
     let [x, y] = [0, 1].map(|axis| difference(model, extra, &channels, axis));
-    let reason = x.reason().or(y.reason()).map(str::to_owned);
+    let reason = x.as_ref().err().or(y.as_ref().err()).cloned();
     let band = band(&channels);
-    let there: Vec<f64> = [x.value(), y.value()].into_iter().flatten().collect();
+    let there: Vec<f64> = [&x, &y].into_iter().flatten().copied().collect();
     let inside = |band: f64| there.iter().all(|d| d.abs() <= band + RESOLUTION_DEG);
     Instrument {
         number,
-        difference_x_deg: x.value(),
-        difference_y_deg: y.value(),
+        difference_x_deg: x.ok(),
+        difference_y_deg: y.ok(),
         difference_of: if measured(model, extra).is_some() {
             Compared::Measured
         } else {
@@ -139,27 +139,27 @@ fn difference(
     extra: &PairExtra,
     channels: &[Channel; 2],
     axis: usize,
-) -> Known<f64> {
+) -> Result<f64, String> {
     // What is compared is what was measured; slopes have each channel's preset in them. It is there
     // while the pair disagrees, too.
     let measured = measured(model, extra);
     if let Some(mdeg) = measured.and_then(|mdeg| mdeg.get(axis).copied().flatten()) {
-        return Known::Fresh(f64::from(mdeg) / 1000.0);
+        return Ok(f64::from(mdeg) / 1000.0);
     }
     let without = channels
         .iter()
         .filter(|channel| channel.slope_deg(axis).is_none());
     let without: Vec<_> = without.map(|channel| channel.name).collect();
     if !without.is_empty() {
-        return Known::Absent(format!("no angle of {}", without.join(" and ")));
+        return Err(format!("no angle of {}", without.join(" and ")));
     }
     let limit = SLOPES.limit_ns(extra.sides[0].slopes.interval_ns());
     let is_fresh = |time_ns: u64| model.now_ns.saturating_sub(time_ns) <= limit;
     let sloped = extra.delta.filter(|(time_ns, _)| is_fresh(*time_ns));
     let sloped = sloped.and_then(|(_, delta)| delta.mdeg.get(axis).copied().flatten());
     match sloped.filter(|_| measured.is_none()) {
-        Some(mdeg) => Known::Fresh(f64::from(mdeg) / 1000.0),
-        None => Known::Absent("the two channels have not reported the same SYNC".to_owned()),
+        Some(mdeg) => Ok(f64::from(mdeg) / 1000.0),
+        None => Err("the two channels have not reported the same SYNC".to_owned()),
     }
 }
 
@@ -193,7 +193,7 @@ fn channel(model: &Model, number: usize, side: &Side, extra: &Extra) -> Channel 
     let why = |old: &Option<f64>| absent(model, side, *old);
     let other_unit = slopes.is_ok() && side.has_another_unit();
     let [x, y] = [0, 1].map(|axis| match other_unit {
-        true => Known::Absent(OTHER_UNIT.to_owned()),
+        true => Err(OTHER_UNIT.to_owned()),
         false => slope(model, extra, slopes.as_ref(), axis, why),
     });
     let angle_now = Some(side.now).filter(|now| is_young(model, extra, now.angle_ns));
@@ -205,10 +205,10 @@ fn channel(model: &Model, number: usize, side: &Side, extra: &Extra) -> Channel 
     Channel {
         name: NAMES[number & 1],
         node_id: side.node_id,
-        slope_x_deg: x.value(),
-        slope_y_deg: y.value(),
-        slope_x_reason: x.reason().map(str::to_owned),
-        slope_y_reason: y.reason().map(str::to_owned),
+        slope_x_deg: x.as_ref().ok().copied(),
+        slope_y_deg: y.as_ref().ok().copied(),
+        slope_x_reason: x.err(),
+        slope_y_reason: y.err(),
         other_unit,
         stale: slopes.is_err(),
         slopes_age_s: side
@@ -302,13 +302,13 @@ fn slope(
     slopes: Result<&Slopes, &Option<f64>>,
     axis: usize,
     why: impl Fn(&Option<f64>) -> String,
-) -> Known<f64> {
+) -> Result<f64, String> {
     let slopes = match slopes {
         Ok(slopes) => slopes,
-        Err(old) => return Known::Absent(why(old)),
+        Err(old) => return Err(why(old)),
     };
     if let Some(mdeg) = slopes.mdeg.get(axis).copied().flatten() {
-        return Known::Fresh(f64::from(mdeg) / 1000.0);
+        return Ok(f64::from(mdeg) / 1000.0);
     }
     // TPDO 3 has it for each axis, where it has no angle either.
     let limit = SLOPES.limit_ns(extra.slopes.interval_ns());
@@ -323,7 +323,7 @@ fn slope(
         Some(state) => words::no_slope(state),
         None => "the channel reports that it must not be used".into(),
     };
-    Known::Absent(reason.unwrap_or_else(by_state).into_owned())
+    Err(reason.unwrap_or_else(by_state).into_owned())
 }
 
 /// Why a channel has nothing fresh to show.

@@ -15,45 +15,24 @@ use super::level::Level;
 use super::snapshot::{Bus, Channel, Compared, FORMAT, Instrument, Snapshot, SourceState, VERSION};
 use output::{plural, printable};
 
-/// What `--json` prints for an event.
+/// What `--json` prints for an event, and first where there is a page.
 #[derive(Serialize)]
-pub struct EventObject<'a> {
+pub struct Record<T> {
     format: &'static str,
     version: u32,
     record: &'static str,
     #[serde(flatten)]
-    event: &'a Event,
+    content: T,
 }
 
-impl<'a> EventObject<'a> {
+impl<T> Record<T> {
     /// The object.
-    pub const fn new(event: &'a Event) -> Self {
+    pub const fn new(record: &'static str, content: T) -> Self {
         Self {
             format: FORMAT,
             version: VERSION,
-            record: "event",
-            event,
-        }
-    }
-}
-
-/// What `--json` prints first where there is a page.
-#[derive(Serialize)]
-pub struct PageObject {
-    format: &'static str,
-    version: u32,
-    record: &'static str,
-    url: String,
-}
-
-impl PageObject {
-    /// The object.
-    pub const fn new(url: String) -> Self {
-        Self {
-            format: FORMAT,
-            version: VERSION,
-            record: "page",
-            url,
+            record,
+            content,
         }
     }
 }
@@ -281,7 +260,7 @@ mod tests {
         events.add(0, whom, Kind::Heartbeat, Level::Fault, text);
         let one = model.events.since(0).next().unwrap();
         assert_eq!(event(one), "0.0 s  FAULT: B: heartbeat lost");
-        let object = serde_json::to_string(&EventObject::new(one)).unwrap();
+        let object = serde_json::to_string(&Record::new("event", one)).unwrap();
         let start = r#"{"format":"plumb-monitor","version":1,"record":"event","number":1,"#;
         assert!(object.starts_with(start), "{object}");
         assert!(object.contains(r#""kind":"heartbeat","level":"fault","#));

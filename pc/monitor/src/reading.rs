@@ -15,14 +15,14 @@ use std::time::{Duration, Instant};
 use canopen::Frame;
 
 use super::events::{Event, Kind};
-use super::feed::{Feed, Step, host_ns};
+use super::feed::{Feed, Step};
 use super::level::Level;
 use super::model::Model;
 use super::moment;
 use super::own::Own;
 use super::record::Recorder;
 use super::snapshot::{Snapshot, SourceState};
-use bus_master as bus;
+use bus_master::{self as bus, now_ns};
 use output::printable;
 
 /// How long a step waits for a frame: after that it is looked what else there is to do.
@@ -199,7 +199,7 @@ impl<F: Feed> Reader<F> {
             Ok(ending) => ending,
         };
         done.stays = matches!(ending, Ending::Ended);
-        let rest = self.own.rest(Instant::now(), host_ns());
+        let rest = self.own.rest(Instant::now(), now_ns());
         self.take_own(rest);
         if let Some(recorder) = self.tasks.recorder.take() {
             let finished = recorder.finish().map(drop);
@@ -265,7 +265,7 @@ impl<F: Feed> Reader<F> {
                 self.foreign_sync(&frame);
             }
             Step::Nothing => {
-                let own = self.own.waited(now, host_ns());
+                let own = self.own.waited(now, now_ns());
                 self.take_own(own);
                 let now_ns = self.feed.now_ns();
                 self.line(now_ns);
@@ -391,7 +391,7 @@ impl<F: Feed> Reader<F> {
                     return true;
                 }
             }
-            let own = self.own.waited(Instant::now(), host_ns());
+            let own = self.own.waited(Instant::now(), now_ns());
             self.take_own(own);
             let now_ns = self.feed.now_ns();
             self.line(now_ns);

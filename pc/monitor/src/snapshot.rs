@@ -16,33 +16,6 @@ pub const FORMAT: &str = "plumb-monitor";
 /// Version of the format.
 pub const VERSION: u32 = 1;
 
-/// A value that may be absent, and then the reason.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Known<T> {
-    /// It is fresh.
-    Fresh(T),
-    /// There is none, for this reason.
-    Absent(String),
-}
-
-impl<T: Copy> Known<T> {
-    /// The value.
-    pub const fn value(&self) -> Option<T> {
-        match self {
-            Self::Fresh(value) => Some(*value),
-            Self::Absent(_) => None,
-        }
-    }
-
-    /// Why there is none.
-    pub fn reason(&self) -> Option<&str> {
-        match self {
-            Self::Fresh(_) => None,
-            Self::Absent(why) => Some(why),
-        }
-    }
-}
-
 /// One fault that stands.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct StandingFault {

@@ -26,3 +26,17 @@ pub fn print(text: impl AsRef<[u8]>) -> io::Result<()> {
 pub fn print_json(value: &impl Serialize) -> io::Result<()> {
     print(serde_json::to_string(value)? + "\n")
 }
+
+/// Prints a value as one line of JSON where `json` is wanted, else the text for people.
+///
+/// Errors: as [`print_json`].
+pub fn print_as(
+    json: bool,
+    value: &impl Serialize,
+    text: impl FnOnce() -> String,
+) -> io::Result<()> {
+    match json {
+        true => print_json(value),
+        false => print(text()),
+    }
+}

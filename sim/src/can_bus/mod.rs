@@ -51,7 +51,7 @@ pub use event::{ErrorKind, Event};
 pub use faults::{Fault, Faults, Rates};
 pub use ports::{MOST_PORTS, Port, Ports};
 pub use statistics::Statistics;
-pub use wire::{frame_bits, priority};
+pub use wire::{INTERMISSION_BITS, frame_bits, priority};
 
 /// An error passive sender waits so long after the intermission, unless another one begins.
 const SUSPEND_BITS: u64 = 8;

@@ -10,6 +10,8 @@
 
 pub mod vibration;
 
+use tilt::calibration::algebra::cross;
+
 /// Standard gravity, m/s^2 (the value that defines 1 g, CGPM 1901).
 pub const STANDARD_GRAVITY_M_S2: f64 = 9.80665;
 
@@ -91,16 +93,6 @@ pub(crate) fn axes([x, y, z, _]: Lanes) -> [f64; 3] {
 #[inline]
 pub(crate) fn add(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
-}
-
-/// A vector product.
-#[inline]
-pub(crate) fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [
-        a[1] * b[2] - a[2] * b[1],
-        a[2] * b[0] - a[0] * b[2],
-        a[0] * b[1] - a[1] * b[0],
-    ]
 }
 
 /// The rate of a housing in which "up" goes from one direction to another within a tick, both of

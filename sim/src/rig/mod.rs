@@ -8,8 +8,10 @@
 //! stands, and a damped 25 Hz ringing after each step of the acceleration.
 //! Left out: run-out of the shaft, and tilt of the rig's foot.
 
+use tilt::calibration::algebra::cross;
+
 use crate::motion::vibration::{BandNoise, Ring};
-use crate::motion::{Attitude, Motion, Mover, STANDARD_GRAVITY_M_S2, add, cross};
+use crate::motion::{Attitude, Motion, Mover, STANDARD_GRAVITY_M_S2, add};
 use crate::motor::{Motor, MotorModel, MoveError, Shaft};
 use crate::rng::Rng;
 

@@ -8,6 +8,7 @@
 //!
 //! Left out: moving motors and chambers, which are the host's or the simulation's, and storing.
 
+pub mod algebra;
 pub mod gyroscope;
 pub mod least_squares;
 pub mod motor;

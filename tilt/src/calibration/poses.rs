@@ -7,6 +7,7 @@
 //! on one board are brought together by [`align`].
 
 use super::FitError;
+use super::algebra::minus;
 use super::least_squares::{Normal, times};
 use crate::vector::Vector;
 
@@ -126,11 +127,6 @@ fn finish(
         mean_square_g2,
         condition,
     })
-}
-
-fn minus(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    let ([ax, ay, az], [bx, by, bz]) = (a, b);
-    [ax - bx, ay - by, az - bz]
 }
 
 /// The rotation that best brings `from` onto `to`, pairs of unit vectors of the same moments.

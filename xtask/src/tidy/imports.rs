@@ -94,7 +94,7 @@ const RULES: [Rule; 26] = [
     ),
     rule(
         "pc/bench",
-        &["instant", "tilt", "sim", "bus-logs", "output"],
+        &["instant", "tilt", "sim", "codes", "bus-logs", "output"],
         None,
     ),
     rule(

@@ -36,7 +36,6 @@ use bus_master::lss::{Identity, Master};
 use bus_master::nmt::{self, Command, State};
 use bus_master::node::Node;
 use bus_master::nodes::{self, Missing, NodeOption, Nodes};
-use bus_master::sdo::{Client, SdoError};
 use bus_master::survey::{Survey, survey};
 use codes::words;
 use give::Member;
@@ -247,8 +246,7 @@ impl Work<'_> {
             Some(missing) => Ok(Other::Behind(missing)),
             None => {
                 // One whose answer to everybody was lost.
-                let peer = Node::new(self.bus, old).number(0x2001, 0)?;
-                let late = peer.and_then(|peer| u8::try_from(peer).ok());
+                let late = Node::new(self.bus, old).peer()?;
                 let late: Vec<u8> = late
                     .filter(|peer| !there.contains(peer))
                     .into_iter()
@@ -330,16 +328,7 @@ impl Work<'_> {
     /// The nodes without a node-id, of which there have to be as many as are needed.
     fn fresh(&mut self, needed: usize) -> Result<Vec<Member>, CommissionError> {
         let mut master = Master::begin(self.bus).map_err(Fault::from)?;
-        let mut found = Vec::new();
-        let ended = loop {
-            match master.fastscan() {
-                Ok(Some(identity)) if found.len() <= needed => found.push(identity),
-                Ok(_) => break Ok(()),
-                Err(error) => break Err(error),
-            }
-        };
-        master.switch_all(false).map_err(Fault::from)?;
-        ended.map_err(Fault::from)?;
+        let found = master.fastscan_all(needed + 1).map_err(Fault::from)?;
         // On a dead bus it is the bus that has to be told of.
         if found.is_empty() && self.there()?.is_empty() {
             return Err(Fault::nobody(self.bus).into());
@@ -457,11 +446,8 @@ impl Work<'_> {
         let until = Instant::now() + RESTART;
         while Instant::now() < until {
             nmt::state(self.bus, id, PAUSE).map_err(Fault::bus)?;
-            match Client::new(self.bus, id).read_u32(0x1000, 0) {
-                Ok(_) => return Ok(()),
-                Err(SdoError::Lost(error)) => return Err(Fault::Lost(error).into()),
-                Err(SdoError::Interrupted) => return Err(Fault::Interrupted.into()),
-                Err(_) => {}
+            if Node::new(self.bus, id).number_once(0x1000, 0)?.is_some() {
+                return Ok(());
             }
         }
         Err(CommissionError::Gone(id))

@@ -27,11 +27,7 @@ pub fn run(arguments: &Arguments, progress: &Progress) -> Result<ExitCode, Error
     let results = jobs::run(arguments, progress)?;
     let report: DemoReport = gather::report(arguments, &results);
     let written = write::both(&arguments.out, &page::demo(&report), &report)?;
-    let printed = if arguments.json {
-        stdout::print_json(&report)
-    } else {
-        stdout::print(terminal::print_demo(&report, arguments.details) + &written.line())
-    };
-    printed.map_err(Error::Print)?;
+    let text = || terminal::print_demo(&report, arguments.details) + &written.line();
+    stdout::print_as(arguments.json, &report, text).map_err(Error::Print)?;
     Ok(ExitCode::from(u8::from(!report.within_specification)))
 }

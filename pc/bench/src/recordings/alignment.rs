@@ -7,6 +7,7 @@
 //! cross-check would then accuse the whole recording. So the rotation that most of the standstills
 //! agree on is looked for first, and the rest is left out.
 
+use tilt::calibration::algebra::cross;
 use tilt::calibration::least_squares::times;
 
 use super::calibrate::{FEWEST_PLATEAUS, Fit, align};
@@ -120,14 +121,6 @@ fn rotation_of_two(one: &Pair, two: &Pair) -> Option<[[f64; 3]; 3]> {
     let from = [one.0, two.0, cross(one.0, two.0)];
     let to = [one.1, two.1, cross(one.1, two.1)];
     Some(best_rotation(&from, &to).rotation)
-}
-
-fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [
-        a[1] * b[2] - a[2] * b[1],
-        a[2] * b[0] - a[0] * b[2],
-        a[0] * b[1] - a[1] * b[0],
-    ]
 }
 
 #[cfg(test)]

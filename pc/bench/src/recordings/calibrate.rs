@@ -5,6 +5,7 @@
 //! which leave the mounting open. By reference: a rotation and three offsets, nothing that would
 //! bend the sensor's axes to a reference that may itself be off by degrees.
 
+use tilt::calibration::algebra::{minus, plus};
 use tilt::calibration::least_squares::times;
 use tilt::calibration::{FitError, poses};
 use tilt::sample::Temperature;
@@ -77,7 +78,7 @@ impl Fit {
 
     /// The corrected acceleration, g.
     pub fn apply(&self, accel_g: [f64; 3]) -> [f64; 3] {
-        add(times(&self.matrix, accel_g), self.offset_g)
+        plus(times(&self.matrix, accel_g), self.offset_g)
     }
 
     /// The record for a calibration file; `None` when the fit doesn't fit the chain's integers.
@@ -331,16 +332,8 @@ pub fn rms(values: impl Iterator<Item = f64>) -> f64 {
 }
 
 fn mean(vectors: &[[f64; 3]]) -> [f64; 3] {
-    let sum = vectors.iter().fold([0.0; 3], |sum, v| add(sum, *v));
+    let sum = vectors.iter().fold([0.0; 3], |sum, v| plus(sum, *v));
     sum.map(|c| c / vectors.len().max(1) as f64)
-}
-
-fn add(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    std::array::from_fn(|i| a[i] + b[i])
-}
-
-fn minus(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    std::array::from_fn(|i| a[i] - b[i])
 }
 
 #[cfg(test)]

@@ -35,7 +35,7 @@ fn sphere(n: usize) -> Vec<[f64; 3]> {
 /// A sensor with bent axes and offsets.
 fn bent(up: [f64; 3]) -> [f64; 3] {
     let matrix = [[1.03, 0.01, 0.0], [0.01, 0.97, 0.02], [0.0, 0.02, 1.01]];
-    add(times(&matrix, up), [0.02, -0.03, 0.04])
+    plus(times(&matrix, up), [0.02, -0.03, 0.04])
 }
 
 /// A sensor lying on its side, with offsets.

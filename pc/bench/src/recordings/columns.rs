@@ -5,6 +5,7 @@
 //! named and left alone. Upper and lower case, spaces around a name and quotes don't matter.
 
 use super::error::Problem;
+use strsim::levenshtein;
 
 /// The unit of the time column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -271,7 +272,7 @@ impl Header<'_> {
     fn missing_column(&self, known: &[String]) -> Problem {
         let strangers = self.names.iter().filter(|name| !is_known(name));
         let near = strangers.filter_map(|name| {
-            let distance = known.iter().map(|wanted| edits(name, wanted)).min()?;
+            let distance = known.iter().map(|wanted| levenshtein(name, wanted)).min()?;
             (distance <= 2 && !name.is_empty()).then_some((distance, name))
         });
         Problem::MissingColumn {
@@ -385,27 +386,6 @@ fn is_known(name: &str) -> bool {
         || name == TEMPERATURE
 }
 
-/// Letters to insert, take out or change to get from one name to the other (Levenshtein).
-fn edits(a: &str, b: &str) -> usize {
-    let mut row: Vec<usize> = (0..=b.chars().count()).collect();
-    for (i, from) in a.chars().enumerate() {
-        let mut diagonal = i;
-        let mut left = i + 1;
-        for (to, cell) in b.chars().zip(row.iter_mut().skip(1)) {
-            let above = *cell;
-            left = (above + 1)
-                .min(left + 1)
-                .min(diagonal + usize::from(from != to));
-            diagonal = above;
-            *cell = left;
-        }
-        if let Some(first) = row.first_mut() {
-            *first = i + 1;
-        }
-    }
-    row.last().copied().unwrap_or(a.len())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -494,13 +474,5 @@ mod tests {
         let text = read("t\rime_s,\u{1b}[2J,ax_g").unwrap_err().to_string();
         assert!(!text.contains(char::is_control), "{text:?}");
         assert_eq!(clean(&"x".repeat(70_000)).len(), 64);
-    }
-
-    #[test]
-    fn edit_distance() {
-        assert_eq!(edits("ax_g", "ax_g"), 0);
-        assert_eq!(edits("za_g", "az_g"), 2);
-        assert_eq!(edits("kitten", "sitting"), 3);
-        assert_eq!(edits("", "abc"), 3);
     }
 }

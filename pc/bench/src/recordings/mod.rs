@@ -80,12 +80,8 @@ pub fn run(arguments: &Arguments, progress: &Progress) -> Result<ExitCode, Error
     if let Some((path, kept)) = kept {
         calibration_file::put_in_place(path, kept)?;
     }
-    let printed = if arguments.json {
-        stdout::print_json(&report)
-    } else {
-        stdout::print(shown(arguments, &report, &written))
-    };
-    printed.map_err(Error::Print)?;
+    let text = || shown(arguments, &report, &written);
+    stdout::print_as(arguments.json, &report, text).map_err(Error::Print)?;
     Ok(ExitCode::SUCCESS)
 }
 

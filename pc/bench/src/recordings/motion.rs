@@ -9,6 +9,7 @@
 //!
 //! Left out: the cross-check of two channels.
 
+use tilt::calibration::algebra::{cross, dot};
 use tilt::motion::{Expected, Motion, MotionState, RATE_STEPS, Rate, Vertical};
 use tilt::vector::Corrected;
 
@@ -130,16 +131,7 @@ fn across(up: [f64; 3], truth: [f64; 3]) -> [f64; 2] {
         true => [0.0, uz, -uy],
         false => [-uz, 0.0, ux],
     };
-    let second = [
-        uy * first[2] - uz * first[1],
-        uz * first[0] - ux * first[2],
-        ux * first[1] - uy * first[0],
-    ];
-    let along = |axis: [f64; 3]| {
-        let dot: f64 = error.iter().zip(axis).map(|(e, a)| e * a).sum();
-        dot / norm(axis)
-    };
-    let parts = [along(first), along(second)];
+    let parts = [first, cross(truth, first)].map(|axis| dot(error, axis) / norm(axis));
     let size = parts[0].hypot(parts[1]);
     parts.map(|part| if size > 0.0 { part / size } else { 0.0 })
 }

@@ -11,6 +11,8 @@
 //!
 //! Left out: errors of scale, which calibration has to find.
 
+use tilt::calibration::algebra::{cross, dot};
+
 use super::cells::optional;
 use super::columns::RateUnit;
 use super::error::Problem;
@@ -144,11 +146,10 @@ fn turned(still: [f64; 3], angle: [f64; 3]) -> [f64; 3] {
     }
     let about = angle.map(|part| part / size);
     let (sine, cosine) = (-size).sin_cos();
-    let along: f64 = about.iter().zip(still).map(|(a, s)| a * s).sum();
-    let [x, y, z] = about;
-    let [a, b, c] = still;
-    let cross = [y * c - z * b, z * a - x * c, x * b - y * a];
-    std::array::from_fn(|i| still[i] * cosine + cross[i] * sine + about[i] * along * (1.0 - cosine))
+    let (along, beside) = (dot(about, still), cross(about, still));
+    std::array::from_fn(|i| {
+        still[i] * cosine + beside[i] * sine + about[i] * along * (1.0 - cosine)
+    })
 }
 
 #[cfg(test)]

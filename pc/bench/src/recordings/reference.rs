@@ -3,6 +3,8 @@
 //! In: a quaternion (body to world) or slopes in degrees. Out: the up vector in the body's frame,
 //! which is what an ideal accelerometer at rest reads in g: (0, 0, 1) when level.
 
+use tilt::calibration::algebra::{cross, dot};
+
 use super::windows::norm;
 
 /// An attitude as a unit quaternion, body to world. A quaternion and its negative are the same
@@ -91,13 +93,7 @@ pub fn slopes_deg(up: [f64; 3]) -> [f64; 2] {
 
 /// The angle between two vectors, 0 to 180 deg.
 pub fn angle_between_deg(a: [f64; 3], b: [f64; 3]) -> f64 {
-    let cross = [
-        a[1] * b[2] - a[2] * b[1],
-        a[2] * b[0] - a[0] * b[2],
-        a[0] * b[1] - a[1] * b[0],
-    ];
-    let dot: f64 = a.iter().zip(b).map(|(p, q)| p * q).sum();
-    norm(cross).atan2(dot).to_degrees()
+    norm(cross(a, b)).atan2(dot(a, b)).to_degrees()
 }
 
 #[cfg(test)]

@@ -16,6 +16,7 @@ use super::figures::{Sums, seconds};
 use super::play::Moment;
 use crate::report::data::Axis;
 use crate::report::replay_data::{CrossCheck, SlopeDelta, VerdictInterval};
+use codes::words::invalid;
 use output::series::{Binner, MAX_BINS};
 
 /// More stretches than this are counted, but not kept.
@@ -60,7 +61,7 @@ impl Said {
     fn words(self) -> String {
         match self {
             Self::Alone => "measures (one channel, not cross-checked)".to_owned(),
-            Self::NoAngle(reason) => format!("no angle: {}", reason_words(reason)),
+            Self::NoAngle(reason) => format!("no angle: {}", invalid(reason)),
             Self::Pair(judgement) => judgement_words(judgement),
         }
     }
@@ -79,42 +80,16 @@ fn judgement_words(judgement: Judgement) -> String {
                 Member::Own => 1,
                 Member::Peer => 2,
             };
-            return format!("channel {number} is faulty: {}", reason_words(reason));
+            return format!("channel {number} is faulty: {}", invalid(reason));
         }
         Judgement::NoChannel(reason) => {
-            return format!("both channels are faulty: {}", reason_words(reason));
+            return format!("both channels are faulty: {}", invalid(reason));
         }
         Judgement::Waiting(reason) => {
-            return format!("no comparison yet: {}", reason_words(reason));
+            return format!("no comparison yet: {}", invalid(reason));
         }
     };
     fixed.to_owned()
-}
-
-fn reason_words(reason: Invalid) -> &'static str {
-    match reason {
-        Invalid::NoSample => "no sample so far",
-        Invalid::Settling => "the filter settles",
-        Invalid::Stale => "samples have stopped coming",
-        Invalid::OverRange => "the sensor was at its full scale",
-        Invalid::NoTemperature => "no temperature so far",
-        Invalid::NotMeasured => "not measured",
-        Invalid::PartReset => "the part has lost its set-up",
-        Invalid::Bus => "the part does not answer",
-        Invalid::Stuck => "its codes stand still",
-        Invalid::Noise => "it is too noisy",
-        Invalid::Spikes => "single samples are far off",
-        Invalid::Thermometer => "its temperature jumps",
-        Invalid::Biased => "it moved alone, or its gravity is of the wrong length",
-        Invalid::Corrupt => "its calibration is damaged",
-        Invalid::Silent => "it is silent",
-        Invalid::Late => "its data are late",
-        Invalid::Refused => "the channels differ",
-        Invalid::Unconfirmed => "the other channel was not received",
-        Invalid::Alone => "the other channel is faulty, and this one must not go on alone",
-        Invalid::Unlike => "the channels are set to show different angles",
-        Invalid::Uncertain => "the uncertainty is above its limit",
-    }
 }
 
 /// Nobody can reset a recording, so a disagreement ends with its cause instead of lasting to the

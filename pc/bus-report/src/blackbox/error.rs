@@ -34,9 +34,6 @@ pub enum FaultsError {
     /// A file could not be written.
     #[error("{a}", a = not_written(.0, .1, "another folder with --boxes"))]
     Write(PathBuf, io::Error),
-    /// The list could not be turned into JSON.
-    #[error("cannot put the list into JSON: {0}; please report this as a defect")]
-    Json(serde_json::Error),
     /// It could not be printed.
     #[error("cannot print the list: {0}")]
     Print(io::Error),

@@ -87,12 +87,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, FaultsError> {
         read_all(&arguments.files, &mut report)
     };
     if !report.memories.is_empty() {
-        let text = if arguments.json {
-            serde_json::to_string(&report).map_err(FaultsError::Json)? + "\n"
-        } else {
-            shown(&report)
-        };
-        stdout::print(text).map_err(FaultsError::Print)?;
+        stdout::print_as(arguments.json, &report, || shown(&report)).map_err(FaultsError::Print)?;
     }
     ended.map(|()| ExitCode::SUCCESS)
 }

@@ -121,12 +121,8 @@ pub fn run(arguments: &Arguments, progress: &Progress) -> Result<ExitCode, Perio
     build::conclude(&mut report);
     let html = page::page(&report);
     let written = write::both(&arguments.out, &html, &report).map_err(PeriodError::Write)?;
-    let text = if arguments.json {
-        serde_json::to_string(&report).map_err(PeriodError::Json)? + "\n"
-    } else {
-        shown(&report, &written)
-    };
-    stdout::print(text).map_err(PeriodError::Print)?;
+    let text = || shown(&report, &written);
+    stdout::print_as(arguments.json, &report, text).map_err(PeriodError::Print)?;
     match incomplete {
         Some(why) => Err(PeriodError::Log(why)),
         None => Ok(ExitCode::SUCCESS),

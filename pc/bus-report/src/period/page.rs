@@ -32,7 +32,7 @@ pub fn page(report: &PeriodReport) -> String {
         body.push_str(&logs_section(logs));
     }
     body.push_str(&limits(report));
-    body.push_str(&footer(report));
+    body.push_str(&html::footer(&report.format, report.version, ""));
     html::page("Plumb period report", &body)
 }
 
@@ -53,17 +53,9 @@ fn header(report: &PeriodReport) -> String {
     }
     facts.push(("Instruments", report.instruments.len().to_string()));
     facts.push(("Plumb", report.plumb_version.clone()));
-    format!(
-        "<header><h1>Plumb period report</h1>\n<p class=\"lead\">{}</p>\n{}{}{}</header>\n",
-        escape(LEAD),
-        html::verdict(report.clean, &report.verdict),
-        html::facts(&facts),
-        report
-            .notes
-            .iter()
-            .map(|note| html::paragraph(note))
-            .collect::<String>()
-    )
+    let mut more = html::verdict(report.clean, &report.verdict) + &html::facts(&facts);
+    more.extend(report.notes.iter().map(|note| html::paragraph(note)));
+    html::header("Plumb period report", LEAD, &more)
 }
 
 /// A table, or this sentence where it has no rows.
@@ -78,30 +70,23 @@ fn table_or(table: &Table, sentence: &str) -> String {
     html::table(table)
 }
 
-fn row_of(charts: &[Chart]) -> String {
-    let all: String = charts.iter().map(Chart::html).collect();
-    format!("<div class=\"charts\">\n{all}</div>\n")
-}
-
 fn one(report: &PeriodReport, instrument: &InstrumentReport) -> String {
     let ids: Vec<String> = instrument
         .channels
         .iter()
         .map(|c| c.node_id.to_string())
         .collect();
-    let mut out = format!(
-        "<section><h2>Instrument {}: nodes {}{}</h2>\n",
+    let mut title = format!(
+        "Instrument {}: nodes {}",
         instrument.number,
-        ids.join(" and "),
-        if report.buses.len() > 1 {
-            format!(" on {}", escape(&printable(&instrument.interface)))
-        } else {
-            String::new()
-        }
+        ids.join(" and ")
     );
+    if report.buses.len() > 1 {
+        title += &format!(" on {}", printable(&instrument.interface));
+    }
     let from = tables::at(report, instrument.from_s);
     let to = tables::at(report, instrument.to_s);
-    out += &html::facts(&[
+    let mut out = html::facts(&[
         ("From", from),
         ("To", to),
         (
@@ -112,12 +97,11 @@ fn one(report: &PeriodReport, instrument: &InstrumentReport) -> String {
     ]);
     out += &what_happened(report, instrument);
     out += &what_was_measured(report, instrument);
-    out += "</section>\n";
-    out
+    html::section(&title, &out)
 }
 
 fn what_happened(report: &PeriodReport, instrument: &InstrumentReport) -> String {
-    let mut out = row_of(&[
+    let mut out = html::charts(&[
         charts::per_day(instrument),
         charts::difference(report, instrument),
     ]);
@@ -138,7 +122,7 @@ fn what_happened(report: &PeriodReport, instrument: &InstrumentReport) -> String
         let all: Vec<Chart> = plots
             .flat_map(|plot| charts::around(plot, &prefix))
             .collect();
-        out += &row_of(&all);
+        out += &html::charts(&all);
     }
     if instrument.plots_left_out > 0 {
         let text = format!(
@@ -158,13 +142,13 @@ fn what_happened(report: &PeriodReport, instrument: &InstrumentReport) -> String
 
 fn what_was_measured(report: &PeriodReport, instrument: &InstrumentReport) -> String {
     let mut out = html::table(&tables::angles(instrument));
-    out += &row_of(&charts::slopes(report, instrument));
+    out += &html::charts(&charts::slopes(report, instrument));
     let difference = tables::difference(instrument);
     out += &table_or(
         &difference,
         "Nothing could be compared: no SYNC has angles of both.",
     );
-    out += &row_of(&charts::histograms(instrument));
+    out += &html::charts(&charts::histograms(instrument));
     let availability = tables::availability(instrument);
     out += &table_or(&availability, "No stretch of time has angles.");
     let rates = tables::rates(instrument);
@@ -173,22 +157,19 @@ fn what_was_measured(report: &PeriodReport, instrument: &InstrumentReport) -> St
     }
     let motion = charts::motion(report, instrument);
     if !motion.is_empty() {
-        out += &row_of(&motion);
+        out += &html::charts(&motion);
     }
     out += &html::table(&tables::channels(instrument));
     let findings = tables::findings(report, instrument);
     out += &table_or(&findings, "All data of the channels are consistent.");
-    out += &row_of(&charts::quantities(report, instrument));
+    out += &html::charts(&charts::quantities(report, instrument));
     let gaps = tables::gaps(report, "Stretches without data", &instrument.gaps);
     out += &table_or(&gaps, "There is no gap of more than 2 s.");
     out
 }
 
 fn memory_section(number: usize, memory: &MemoryReport) -> String {
-    let mut out = format!(
-        "<section><h2>Fault memory: {}</h2>\n",
-        escape(&printable(&memory.source))
-    );
+    let mut out = String::new();
     if memory.entries_made.is_some() {
         let entries = data::table(memory, "Fault log, newest first");
         out += &table_or(&entries, "There is no entry.");
@@ -196,16 +177,15 @@ fn memory_section(number: usize, memory: &MemoryReport) -> String {
     for plot in &memory.boxes {
         out += &format!("<h3>{}</h3>\n", escape(&plot.title));
         let prefix = format!("box-{number}");
-        out += &row_of(&charts::around(plot, &prefix));
+        out += &html::charts(&charts::around(plot, &prefix));
     }
-    out + "</section>\n"
+    html::section(
+        &format!("Fault memory: {}", printable(&memory.source)),
+        &out,
+    )
 }
 
 fn bus_section(report: &PeriodReport, number: usize, bus: &BusReport) -> String {
-    let mut out = format!(
-        "<section><h2>The bus {}</h2>\n",
-        escape(&printable(&bus.interface))
-    );
     let mut facts = Vec::new();
     if let Some(rate) = bus.rate_bit_s {
         facts.push(("Mean", format!("{:.1} kbit/s", rate * 1e-3)));
@@ -213,39 +193,30 @@ fn bus_section(report: &PeriodReport, number: usize, bus: &BusReport) -> String 
     if let (Some(load), Some(most)) = (bus.load_percent, bus.bit_rate_bit_s) {
         facts.push(("Load", format!("{load:.1} % of {:.0} kbit/s", most * 1e-3)));
     }
-    out += &html::facts(&facts);
-    out += &row_of(&[charts::load(report, number, bus)]);
+    let mut out = html::facts(&facts);
+    out += &html::charts(&[charts::load(report, number, bus)]);
     out += &html::table(&tables::bus(bus));
     let gaps = tables::gaps(report, "Stretches without any frame", &bus.gaps);
     out += &table_or(&gaps, "There is no gap of more than 2 s.");
-    out + "</section>\n"
+    html::section(&format!("The bus {}", printable(&bus.interface)), &out)
 }
 
 fn logs_section(logs: &LogsReport) -> String {
-    let mut out = "<section><h2>The logs</h2>\n".to_owned();
-    out += &html::table(&tables::files(logs));
+    let mut out = html::table(&tables::files(logs));
     out += &table_or(&tables::skipped(logs), "Every line gave a frame.");
-    out + "</section>\n"
+    html::section("The logs", &out)
 }
 
 fn limits(report: &PeriodReport) -> String {
-    let mut out = "<section><h2>What this report cannot show</h2>\n".to_owned();
-    if !report.buses.is_empty() {
-        out.extend(verdict::LIMITS.map(html::paragraph));
-    } else {
-        out += &html::paragraph(verdict::LIMITS[0]);
-        out += &html::paragraph(
-            "A node stores its last 16 events and the samples of two. Its times count from its \
-             own start, whose date is unknown.",
-        );
-    }
-    out + "</section>\n"
-}
-
-fn footer(report: &PeriodReport) -> String {
-    let text = format!(
-        "The same figures are in report.json in the same folder (format {}, version {}).",
-        report.format, report.version
-    );
-    format!("<footer>{}</footer>\n", html::paragraph(&text))
+    let limits = match report.buses.is_empty() {
+        false => verdict::LIMITS.map(html::paragraph).concat(),
+        true => {
+            html::paragraph(verdict::LIMITS[0])
+                + &html::paragraph(
+                    "A node stores its last 16 events and the samples of two. Its times count \
+                     from its own start, whose date is unknown.",
+                )
+        }
+    };
+    html::section("What this report cannot show", &limits)
 }

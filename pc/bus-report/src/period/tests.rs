@@ -7,6 +7,7 @@ use canopen::Frame;
 use super::bench::{START_NS, Site, candump};
 use super::data::PeriodReport;
 use super::*;
+use crate::totals::join::Join;
 use crate::totals::{Collector, bins};
 use bus_logs::Moment;
 use listen::{NodePlan, Plan};
@@ -607,7 +608,7 @@ fn motion_merges_as_all_else_does() {
     let [first, second] = [collect(first), collect(second)];
     let whole = collect(turned());
     for (mut one, other) in [(first.clone(), &second), (second.clone(), &first)] {
-        one.merge(other);
+        one.join(other);
         for (own, whole) in one.channels.iter().zip(&whole.channels) {
             assert!(own.motion.is_some());
             assert_eq!(own.motion, whole.motion);

@@ -2,7 +2,6 @@
 //!
 //! In: a [`Summary`] and the [`Source`] it came from. Out: [`Report`].
 
-use device::fault::Fault;
 use serde::Serialize;
 
 use super::export::Exported;
@@ -455,15 +454,13 @@ fn node(last: &Last, channel: &ChannelSummary) -> NodeJson {
 }
 
 fn faults(seen: u32, stand: u32) -> Vec<FaultJson> {
-    let all = Fault::ALL.into_iter();
-    all.filter(|fault| seen & (1 << *fault as u32) != 0)
-        .map(|fault| FaultJson {
-            fault: fault as u8,
-            code: fault.report().0,
-            text: fault.text().to_owned(),
-            stands: stand & (1 << fault as u32) != 0,
-        })
-        .collect()
+    let all = words::faults(seen).map(|fault| FaultJson {
+        fault: fault as u8,
+        code: fault.report().0,
+        text: fault.text().to_owned(),
+        stands: stand & (1 << fault as u32) != 0,
+    });
+    all.collect()
 }
 
 fn spread(of: &Tally) -> SpreadJson {

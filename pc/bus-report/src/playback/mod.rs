@@ -92,12 +92,7 @@ pub fn run(
     let mut report = json::Report::new(summary, &source);
     report.outside = part.outside();
     report.export = exported;
-    if json {
-        stdout::print_json(&report)
-    } else {
-        stdout::print(text::of(&report))
-    }
-    .map_err(PlaybackError::Stdout)?;
+    stdout::print_as(json, &report, || text::of(&report)).map_err(PlaybackError::Stdout)?;
     match source.incomplete() {
         Some(why) => Err(why.into()),
         None => Ok(ExitCode::SUCCESS),

@@ -144,21 +144,19 @@ impl Stage {
             latest_ms: self.latest.as_secs_f64() * 1e3,
             elapsed_s: elapsed.as_secs_f64(),
         };
-        if json {
-            stdout::print_json(&played)
-        } else {
+        let text = || {
             let Played { sent, bus, .. } = &played;
             let left = match played.not_sent {
                 0 => String::new(),
                 count => format!("; {count} that this adapter can't send were left out"),
             };
-            stdout::print(format!(
+            format!(
                 "{} onto {bus} in {:.1} s, none later than {:.1} ms{left}\n",
                 plural(*sent, "frame", "frames"),
                 played.elapsed_s,
                 played.latest_ms
-            ))
-        }
-        .map_err(PlaybackError::Stdout)
+            )
+        };
+        stdout::print_as(json, &played, text).map_err(PlaybackError::Stdout)
     }
 }

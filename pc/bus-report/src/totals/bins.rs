@@ -5,6 +5,7 @@
 //! without a value take no bin. The width depends on the times alone and not on their order, so
 //! the bins of two halves joined are the bins of the whole.
 
+use super::join::Join;
 use serde::{Deserialize, Serialize};
 
 /// Bins that are kept.
@@ -15,12 +16,6 @@ const SHORTEST_NS: u64 = 1_000_000_000;
 
 /// The level at which no more than [`MOST`] bins are left of all times that there are.
 const WIDEST: u32 = 26;
-
-/// What a bin holds: something that can be joined.
-pub trait Join {
-    /// Takes what another one has.
-    fn join(&mut self, other: &Self);
-}
 
 /// Least and greatest value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -46,15 +41,6 @@ impl Join for Extremes {
     fn join(&mut self, other: &Self) {
         self.least = self.least.min(other.least);
         self.most = self.most.max(other.most);
-    }
-}
-
-/// A counter, which stops at its greatest value: that of a forged summary may have any size, and
-/// such a sum is the same in every order and grouping, as merging has to be.
-impl Join for u64 {
-    #[inline]
-    fn join(&mut self, other: &Self) {
-        *self = self.saturating_add(*other);
     }
 }
 
@@ -149,18 +135,6 @@ impl<T: Join + Clone> Bins<T> {
         }
     }
 
-    /// Takes all values of another one.
-    pub fn merge(&mut self, other: &Self) {
-        let mut other = other.clone();
-        self.align(&mut other);
-        for (number, value) in other.bins {
-            self.put(number, value);
-        }
-        while self.bins.len() > MOST {
-            self.coarsen();
-        }
-    }
-
     /// Gives both the width of the wider ones.
     pub fn align<U: Join + Clone>(&mut self, other: &mut Bins<U>) {
         while self.level < other.level {
@@ -176,6 +150,19 @@ impl<T: Join + Clone> Bins<T> {
         let width_ns = self.width_ns();
         let bins = self.bins.iter();
         bins.map(move |(number, value)| (number.saturating_mul(width_ns), value))
+    }
+}
+
+impl<T: Join + Clone> Join for Bins<T> {
+    fn join(&mut self, other: &Self) {
+        let mut other = other.clone();
+        self.align(&mut other);
+        for (number, value) in other.bins {
+            self.put(number, value);
+        }
+        while self.bins.len() > MOST {
+            self.coarsen();
+        }
     }
 }
 
@@ -219,7 +206,7 @@ mod tests {
                 of(&values.map(|value| (value.0, value.1)).collect::<Vec<_>>())
             };
             let mut merged = part(false);
-            merged.merge(&part(true));
+            merged.join(&part(true));
             let all: Vec<_> = values.iter().map(|value| (value.0, value.1)).collect();
             prop_assert_eq!(merged, of(&all));
         }

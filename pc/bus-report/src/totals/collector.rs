@@ -10,8 +10,8 @@ use std::cmp::Ordering;
 
 use canopen::Frame;
 
-use super::bins::Join;
 use super::instrument::{Instrument, Moment};
+use super::join::{Join, join_fields};
 use super::traffic::Traffic;
 use listen::{Counts, Meaning, Place, Plan, Side, Watch};
 
@@ -232,13 +232,10 @@ impl Collected {
         }
         let ids = |(last, _): &([Last; 2], Instrument)| last.map(|side| side.node_id);
         self.instruments.sort_by_key(ids);
-        self.traffic.merge(&other.traffic);
-        self.counts.merge(&other.counts);
         self.strangers.extend(&other.strangers);
         self.strangers.sort_unstable();
         self.strangers.dedup();
-        self.outside.join(&other.outside);
-        self.undated.join(&other.undated);
+        join_fields! { self, other: traffic, counts, outside, undated }
     }
 }
 

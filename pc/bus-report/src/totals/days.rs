@@ -3,7 +3,7 @@
 //! In: the time of what happened, in ns. Out: the [`Day`] of that time, by its number since time 0.
 //! Days without data are none. Joining the days of two parts gives the days of the whole.
 
-use super::bins::Join;
+use super::join::{Join, join_fields};
 use super::kind::KINDS;
 use serde::{Deserialize, Serialize};
 
@@ -25,14 +25,9 @@ pub struct Day {
     pub largest_mdeg: Option<u32>,
 }
 
-impl Day {
-    fn merge(&mut self, other: &Self) {
-        self.covered_ns.join(&other.covered_ns);
-        self.syncs.join(&other.syncs);
-        for (own, other) in self.events.iter_mut().zip(other.events) {
-            own.join(&other);
-        }
-        self.incidents.join(&other.incidents);
+impl Join for Day {
+    fn join(&mut self, other: &Self) {
+        join_fields! { self, other: covered_ns, syncs, events, incidents }
         self.largest_mdeg = self.largest_mdeg.max(other.largest_mdeg);
     }
 }
@@ -100,11 +95,12 @@ impl Days {
     pub fn iter(&self) -> impl Iterator<Item = (u64, &Day)> {
         self.0.iter().map(|(number, day)| (*number, day))
     }
+}
 
-    /// Takes the days of another part.
-    pub fn merge(&mut self, other: &Self) {
+impl Join for Days {
+    fn join(&mut self, other: &Self) {
         for (number, day) in &other.0 {
-            self.numbered(*number).merge(day);
+            self.numbered(*number).join(day);
         }
     }
 }

@@ -8,7 +8,8 @@
 //! An end is known by the set of faults in EMCY bytes 3 to 5, by the error register for what
 //! belongs to the bus, or by a restart of the node (docs/canopen.md, EMCY).
 
-use super::kind::{Kind, fault_of};
+use super::kind::Kind;
+use codes::words;
 use listen::{Emergency, SAME_START_NS};
 use serde::{Deserialize, Serialize};
 
@@ -50,7 +51,7 @@ impl What {
     fn is_momentary(self) -> bool {
         match self {
             Self::Emergency(0x8120 | 0x8130) => false,
-            Self::Emergency(code) => fault_of(code).is_none(),
+            Self::Emergency(code) => words::fault(code).is_none(),
             Self::HeartbeatLost => false,
             Self::Restart => true,
         }
@@ -122,7 +123,7 @@ impl Events {
             return None;
         }
         let [_, _, _, verdict, state] = told.bytes;
-        let of_pair = fault_of(told.code).is_some();
+        let of_pair = words::fault(told.code).is_some();
         self.add(Event {
             blamed: if of_pair { verdict >> 6 } else { 0 },
             reason: if of_pair { verdict & 0x3F } else { 0 },
@@ -175,7 +176,7 @@ impl Events {
             let What::Emergency(code) = event.what else {
                 continue;
             };
-            let over = match fault_of(code) {
+            let over = match words::fault(code) {
                 Some(fault) => has_set && set >> fault as u8 & 1 == 0,
                 None => told.code == 0 && told.register & COMMUNICATION == 0,
             };

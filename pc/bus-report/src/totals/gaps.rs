@@ -3,7 +3,7 @@
 //! In: the gaps as they are found. Out: their number, their sum, and the longest [`MOST`] of them
 //! by name. Joining two lists gives the list of both.
 
-use super::bins::Join;
+use super::join::{Join, join_fields};
 use serde::{Deserialize, Serialize};
 
 /// Gaps that are kept by name.
@@ -54,13 +54,6 @@ impl Gaps {
         }
     }
 
-    /// Takes the gaps of another list.
-    pub fn merge(&mut self, other: &Self) {
-        self.count.join(&other.count);
-        self.sum_ns.join(&other.sum_ns);
-        other.longest.iter().for_each(|gap| self.keep(*gap));
-    }
-
     /// How many there are.
     pub const fn count(&self) -> u64 {
         self.count
@@ -81,6 +74,13 @@ impl Gaps {
         let mut gaps = self.longest.clone();
         gaps.sort_unstable();
         gaps
+    }
+}
+
+impl Join for Gaps {
+    fn join(&mut self, other: &Self) {
+        join_fields! { self, other: count, sum_ns }
+        other.longest.iter().for_each(|gap| self.keep(*gap));
     }
 }
 
@@ -108,7 +108,7 @@ mod tests {
             gaps in prop::collection::vec((0..900_u64, 0..50_u64, any::<bool>()), 0..120),
         ) {
             let mut merged = of(gaps.iter().filter(|gap| gap.2));
-            merged.merge(&of(gaps.iter().filter(|gap| !gap.2)));
+            merged.join(&of(gaps.iter().filter(|gap| !gap.2)));
             prop_assert!(merged.in_time().len() <= MOST);
             prop_assert_eq!(merged, of(gaps.iter()));
         }

@@ -7,6 +7,7 @@
 //!
 //! Left out: mean and scatter, which are kept exactly (`tally`).
 
+use super::join::Join;
 use serde::{Deserialize, Serialize};
 
 /// Steps that are kept.
@@ -145,28 +146,6 @@ impl Histogram {
         }
     }
 
-    /// Takes all values of another one.
-    pub fn merge(&mut self, other: &Self) {
-        let mut other = other.clone();
-        while self.step_mdeg < other.step_mdeg {
-            self.coarsen();
-        }
-        while other.step_mdeg < self.step_mdeg {
-            other.coarsen();
-        }
-        while let Some(last) = other.counts.len().checked_sub(1) {
-            if self.make_room(other.first) && self.make_room(other.first + last as i64) {
-                let from = (other.first - self.first) as usize;
-                for (to, count) in self.counts.iter_mut().skip(from).zip(&other.counts) {
-                    *to = to.saturating_add(*count);
-                }
-                return;
-            }
-            self.coarsen();
-            other.coarsen();
-        }
-    }
-
     /// The middle of a step, 0.001 deg.
     fn middle(&self, index: i64) -> i64 {
         let step = self.step_mdeg;
@@ -241,6 +220,29 @@ fn nice(least: i64) -> i64 {
     }
 }
 
+impl Join for Histogram {
+    fn join(&mut self, other: &Self) {
+        let mut other = other.clone();
+        while self.step_mdeg < other.step_mdeg {
+            self.coarsen();
+        }
+        while other.step_mdeg < self.step_mdeg {
+            other.coarsen();
+        }
+        while let Some(last) = other.counts.len().checked_sub(1) {
+            if self.make_room(other.first) && self.make_room(other.first + last as i64) {
+                let from = (other.first - self.first) as usize;
+                for (to, count) in self.counts.iter_mut().skip(from).zip(&other.counts) {
+                    *to = to.saturating_add(*count);
+                }
+                return;
+            }
+            self.coarsen();
+            other.coarsen();
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;
@@ -306,7 +308,7 @@ mod tests {
                 of(&values.map(|(value, _)| *value).collect::<Vec<_>>())
             };
             let mut merged = part(false);
-            merged.merge(&part(true));
+            merged.join(&part(true));
             let all: Vec<i32> = values.iter().map(|(value, _)| *value).collect();
             prop_assert_eq!(merged, of(&all));
         }

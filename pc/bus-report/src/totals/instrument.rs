@@ -14,6 +14,7 @@ use super::days::DAY_NS;
 use super::events::{End, Events, What};
 use super::gaps::Gap;
 use super::identity::Identity;
+use super::join::Join;
 use super::kind::Kind;
 use super::motion::MotionSummary;
 use super::summary::{ChannelSummary, Summary, Unusable};
@@ -180,7 +181,7 @@ impl Instrument {
     #[cold]
     fn turn_to(&mut self, now_ns: u64) {
         self.day_ns = now_ns - now_ns % DAY_NS;
-        self.done.merge(&std::mem::take(&mut self.summary));
+        self.done.join(&std::mem::take(&mut self.summary));
     }
 
     /// Any frame of the instrument that has the form it should have.
@@ -393,7 +394,7 @@ impl Instrument {
 
     /// Takes what another log has of it; both have ended.
     pub fn merge(&mut self, other: &Self) {
-        self.summary.merge(&other.summary);
+        self.summary.join(&other.summary);
         let places = self.recorder.merge(&other.recorder);
         self.events.merge(&other.events, &places);
         self.span_ns = match (self.span_ns, other.span_ns) {
@@ -416,11 +417,11 @@ impl Instrument {
                 self.lost(number, from_ns, now_ns, End::Standing);
             }
             if let Some(channel) = self.summary.channels.get_mut(number) {
-                channel.checks.merge(&side.checks);
+                channel.checks.join(&side.checks);
             }
         }
         let last = std::mem::take(&mut self.summary);
-        self.done.merge(&last);
+        self.done.join(&last);
         self.summary = std::mem::take(&mut self.done);
     }
 }

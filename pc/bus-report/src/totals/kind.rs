@@ -3,6 +3,7 @@
 //! In: an EMCY code (docs/canopen.md), or what the log itself shows. Out: one of a few kinds that
 //! a person can tell apart.
 
+use codes::words;
 use device::fault::Fault;
 
 /// A kind of event.
@@ -54,7 +55,7 @@ impl Kind {
 
     /// What an EMCY code is about.
     pub fn of(code: u16) -> Self {
-        match fault_of(code) {
+        match words::fault(code) {
             Some(fault) => Self::of_fault(fault),
             None if matches!(code, 0x8100..=0x82FF) => Self::Bus,
             None if matches!(code, 0x6101..=0x6105) => Self::Memory,
@@ -128,12 +129,6 @@ impl Kind {
             Self::Disagreement | Self::Channel | Self::Sensor | Self::Safety
         )
     }
-}
-
-/// The fault that has this EMCY code.
-pub fn fault_of(code: u16) -> Option<Fault> {
-    let mut all = Fault::ALL.into_iter();
-    all.find(|fault| fault.report().0 == code)
 }
 
 #[cfg(test)]

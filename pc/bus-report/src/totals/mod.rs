@@ -19,6 +19,7 @@ pub mod gaps;
 pub mod histogram;
 mod identity;
 mod instrument;
+pub mod join;
 mod kind;
 mod motion;
 mod pairs;

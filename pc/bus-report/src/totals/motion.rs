@@ -6,7 +6,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::bins::{Bins, Extremes, Join};
+use super::bins::{Bins, Extremes};
+use super::join::{Join, join_fields};
 use super::tally::Tally;
 use listen::Now;
 
@@ -58,19 +59,12 @@ impl MotionSummary {
             bins.add(now_ns, Extremes::of(i32::from(fastest)));
         }
     }
+}
 
-    /// Takes all that another one has.
-    pub fn merge(&mut self, other: &Self) {
-        self.angles.join(&other.angles);
-        for (own, other) in self.slope.iter_mut().zip(&other.slope) {
-            own.merge(other);
+impl Join for MotionSummary {
+    fn join(&mut self, other: &Self) {
+        join_fields! { self, other:
+            angles, slope, uncertainty, uncertainty_bins, rates, rate, fastest_bins
         }
-        self.uncertainty.merge(&other.uncertainty);
-        self.uncertainty_bins.merge(&other.uncertainty_bins);
-        self.rates.join(&other.rates);
-        for (own, other) in self.rate.iter_mut().zip(&other.rate) {
-            own.merge(other);
-        }
-        self.fastest_bins.merge(&other.fastest_bins);
     }
 }

@@ -11,9 +11,10 @@
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-use super::bins::{Bins, Extremes, Join};
+use super::bins::{Bins, Extremes};
 use super::days::Days;
 use super::gaps::Gaps;
+use super::join::{Join, join_fields};
 use super::kind::Kind;
 use super::motion::MotionSummary;
 use super::tally::Tally;
@@ -87,38 +88,6 @@ pub struct ChannelSummary {
 }
 
 impl ChannelSummary {
-    fn merge(&mut self, other: &Self) {
-        self.readings.join(&other.readings);
-        for (own, other) in self.states.iter_mut().zip(other.states) {
-            own.join(&other);
-        }
-        for (own, other) in self.slope.iter_mut().zip(&other.slope) {
-            own.merge(other);
-        }
-        for (own, other) in self.slope_bins.iter_mut().zip(&other.slope_bins) {
-            own.merge(other);
-        }
-        self.usable_ns.join(&other.usable_ns);
-        add_all(&mut self.unusable_ns, &other.unusable_ns);
-        self.uncertainty.merge(&other.uncertainty);
-        self.uncertainty_bins.merge(&other.uncertainty_bins);
-        self.uncertainty_unknown.join(&other.uncertainty_unknown);
-        self.temperature.merge(&other.temperature);
-        self.temperature_bins.merge(&other.temperature_bins);
-        self.activity.merge(&other.activity);
-        self.activity_bins.merge(&other.activity_bins);
-        if let Some(other) = &other.motion {
-            self.motion.get_or_insert_default().merge(other);
-        }
-        add_all(&mut self.emergencies, &other.emergencies);
-        self.boots.join(&other.boots);
-        self.heartbeat_losses.join(&other.heartbeat_losses);
-        self.heartbeat_lost_ns.join(&other.heartbeat_lost_ns);
-        self.malformed.join(&other.malformed);
-        self.faults |= other.faults;
-        self.checks.merge(&other.checks);
-    }
-
     /// Counts a TPDO 1 that carried this state, or none.
     pub fn read(&mut self, state: Option<u8>) {
         self.readings += 1;
@@ -132,9 +101,15 @@ impl ChannelSummary {
     }
 }
 
-fn add_all<K: Ord + Copy>(own: &mut BTreeMap<K, u64>, other: &BTreeMap<K, u64>) {
-    for (key, count) in other {
-        own.entry(*key).or_default().join(count);
+impl Join for ChannelSummary {
+    fn join(&mut self, other: &Self) {
+        join_fields! { self, other:
+            readings, states, slope, slope_bins, usable_ns, unusable_ns, uncertainty,
+            uncertainty_bins, uncertainty_unknown, temperature, temperature_bins, activity,
+            activity_bins, motion, emergencies, boots, heartbeat_losses, heartbeat_lost_ns,
+            malformed, checks
+        }
+        self.faults |= other.faults;
     }
 }
 
@@ -159,18 +134,11 @@ pub struct DifferenceSummary {
     pub told_off: Tally,
 }
 
-impl DifferenceSummary {
-    fn merge(&mut self, other: &Self) {
-        for (own, other) in self.own.iter_mut().zip(&other.own) {
-            own.merge(other);
+impl Join for DifferenceSummary {
+    fn join(&mut self, other: &Self) {
+        join_fields! { self, other:
+            own, by_measured, by_slopes, bins, judged, above, told, told_off
         }
-        self.by_measured.join(&other.by_measured);
-        self.by_slopes.join(&other.by_slopes);
-        self.bins.merge(&other.bins);
-        self.judged.join(&other.judged);
-        self.above.join(&other.above);
-        self.told.merge(&other.told);
-        self.told_off.merge(&other.told_off);
     }
 }
 
@@ -195,20 +163,16 @@ impl Summary {
         }
     }
 
-    /// Takes all that another one has.
-    pub fn merge(&mut self, other: &Self) {
-        for (own, other) in self.channels.iter_mut().zip(&other.channels) {
-            own.merge(other);
-        }
-        self.difference.merge(&other.difference);
-        self.gaps.merge(&other.gaps);
-        self.days.merge(&other.days);
-    }
-
     /// Time of which there is data, ns.
     pub fn covered_ns(&self) -> u64 {
         let days = self.days.iter().map(|(_, day)| day.covered_ns);
         days.fold(0, u64::saturating_add)
+    }
+}
+
+impl Join for Summary {
+    fn join(&mut self, other: &Self) {
+        join_fields! { self, other: channels, difference, gaps, days }
     }
 }
 
@@ -286,7 +250,7 @@ mod tests {
             }
             let merged = |parts: &[&Summary]| {
                 let mut all = Summary::default();
-                parts.iter().for_each(|part| all.merge(part));
+                parts.iter().for_each(|part| all.join(part));
                 all
             };
             let [a, b, c] = &parts;

@@ -5,8 +5,8 @@
 //!
 //! Left out: when a value came (`bins`).
 
-use super::bins::Join;
 use super::histogram::Histogram;
+use super::join::{Join, join_fields};
 use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize};
 
@@ -36,20 +36,6 @@ impl Tally {
         let (least, most) = self.extremes.unwrap_or((value, value));
         self.extremes = Some((least.min(value), most.max(value)));
         self.histogram.add(value);
-    }
-
-    /// Takes all values of another one.
-    pub fn merge(&mut self, other: &Self) {
-        self.count.join(&other.count);
-        // A sum that saturates would depend on the order where signs differ; one that wraps does
-        // not. Sums of values wrap only beyond 2^96 of them; a forged one may have any size.
-        self.sum = self.sum.wrapping_add(other.sum);
-        self.squares = self.squares.saturating_add(other.squares);
-        if let Some((least, most)) = other.extremes {
-            let own = self.extremes.unwrap_or((least, most));
-            self.extremes = Some((own.0.min(least), own.1.max(most)));
-        }
-        self.histogram.merge(&other.histogram);
     }
 
     /// Number of values.
@@ -121,6 +107,20 @@ impl Tally {
     }
 }
 
+impl Join for Tally {
+    fn join(&mut self, other: &Self) {
+        join_fields! { self, other: count, histogram }
+        // A sum that saturates would depend on the order where signs differ; one that wraps does
+        // not. Sums of values wrap only beyond 2^96 of them; a forged one may have any size.
+        self.sum = self.sum.wrapping_add(other.sum);
+        self.squares = self.squares.saturating_add(other.squares);
+        if let Some((least, most)) = other.extremes {
+            let own = self.extremes.unwrap_or((least, most));
+            self.extremes = Some((own.0.min(least), own.1.max(most)));
+        }
+    }
+}
+
 /// The least and the greatest value, as they are read.
 fn in_order<'de, D: Deserializer<'de>>(from: D) -> Result<Option<(i32, i32)>, D::Error> {
     let extremes = Option::<(i32, i32)>::deserialize(from)?;
@@ -175,7 +175,7 @@ mod tests {
         let (mut one, mut other) = (Tally::default(), Tally::default());
         one.add(179_900);
         other.add(-179_900);
-        one.merge(&other);
+        one.join(&other);
         assert_eq!(one.mean_angle(), Some(180_000.0));
     }
 

@@ -9,15 +9,13 @@
 
 use canopen::Frame;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
-use sim::can_bus::frame_bits;
+use sim::can_bus::{INTERMISSION_BITS, frame_bits};
 
-use super::bins::{Bins, Join};
+use super::bins::Bins;
 use super::gaps::{Gap, Gaps};
+use super::join::{Join, join_fields};
 use bus_logs::is_dated;
 use listen::GAP_NS;
-
-/// Bits between two frames.
-const INTERMISSION: u64 = 3;
 
 /// Identifiers of 11 bits.
 const COB_IDS: usize = 2048;
@@ -37,12 +35,6 @@ impl Span {
         last_ns: 0,
     };
 
-    fn merge(&mut self, other: &Self) {
-        self.count.join(&other.count);
-        self.first_ns = self.first_ns.min(other.first_ns);
-        self.last_ns = self.last_ns.max(other.last_ns);
-    }
-
     #[inline]
     fn take(&mut self, now_ns: u64) {
         self.count += 1;
@@ -52,6 +44,14 @@ impl Span {
 
     fn ends_ns(&self) -> Option<(u64, u64)> {
         (self.count > 0).then_some((self.first_ns, self.last_ns))
+    }
+}
+
+impl Join for Span {
+    fn join(&mut self, other: &Self) {
+        self.count.join(&other.count);
+        self.first_ns = self.first_ns.min(other.first_ns);
+        self.last_ns = self.last_ns.max(other.last_ns);
     }
 }
 
@@ -138,7 +138,7 @@ impl Traffic {
         };
         span.take(now_ns);
         if self.has_bits {
-            let bits = frame_bits(frame) + INTERMISSION;
+            let bits = frame_bits(frame) + INTERMISSION_BITS;
             self.total_bits += bits;
             self.bits.add(now_ns, bits);
         }
@@ -177,21 +177,6 @@ impl Traffic {
         }
     }
 
-    /// Takes what was on the bus in another log. Time between the two is in no gap.
-    pub fn merge(&mut self, other: &Self) {
-        self.bits.merge(&other.bits);
-        self.covered_ns.join(&other.covered_ns);
-        self.gaps.merge(&other.gaps);
-        self.covered.merge(&other.covered);
-        self.total_bits.join(&other.total_bits);
-        self.undated.merge(&other.undated);
-        self.dated.merge(&other.dated);
-        for (own, other) in self.frames.iter_mut().zip(other.frames.iter()) {
-            own.join(other);
-        }
-        self.has_bits &= other.has_bits;
-    }
-
     /// Node-ids whose frames were seen, and how many of each.
     pub fn nodes(&self) -> impl Iterator<Item = (u8, u64)> {
         let mut nodes = [0; 128];
@@ -227,6 +212,16 @@ impl Traffic {
 }
 
 /// The identifiers that were seen, each with its count.
+/// Time between the two logs is in no gap.
+impl Join for Traffic {
+    fn join(&mut self, other: &Self) {
+        join_fields! { self, other:
+            bits, covered_ns, gaps, covered, total_bits, undated, dated, frames
+        }
+        self.has_bits &= other.has_bits;
+    }
+}
+
 fn sparse<S: Serializer>(frames: &[u64; COB_IDS], into: S) -> Result<S::Ok, S::Error> {
     let seen = (0_u16..).zip(frames).filter(|(_, count)| **count > 0);
     into.collect_seq(seen)
@@ -250,7 +245,7 @@ mod tests {
     fn the_rate_is_what_the_frames_take_and_gaps_do_not_count() {
         let mut traffic = Traffic::default();
         let frame = Frame::data_frame(0x701, &[5]);
-        let bits = frame_bits(&frame) + INTERMISSION;
+        let bits = frame_bits(&frame) + INTERMISSION_BITS;
         for n in 0..2000_u64 {
             let pause_ns = if n < 1000 { 0 } else { 600_000_000_000 };
             traffic.take(n * 10_000_000 + pause_ns, &frame);

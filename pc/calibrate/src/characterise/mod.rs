@@ -42,7 +42,7 @@ use crate::data::now;
 use crate::data::{Channel, Report};
 use crate::finish::{self, Done};
 use crate::folder::Folder;
-use crate::motor::{Axis, Motor, ScpiMotor};
+use crate::motor::{Axis, Motor};
 use crate::session::{Session, encode};
 use crate::{CalibrateError, Common, kept};
 use output::progress::Progress;
@@ -147,7 +147,7 @@ fn characterise(
 ) -> Done {
     let model = model(arguments, session)?;
     let profile = sequence(arguments, model)?;
-    let mut motor = arguments.motor.as_deref().map(ScpiMotor::connect);
+    let mut motor = arguments.motor.as_deref().map(Motor::connect);
     let motor = match (motor.take().transpose()?, model) {
         (Some(mut motor), Model::Quadratic) => {
             let axes = motor.axes()?;
@@ -236,7 +236,7 @@ impl Work<'_> {
         &self,
         session: &mut Session,
         mut chamber: Box<dyn Chamber + '_>,
-        mut motor: Option<ScpiMotor>,
+        mut motor: Option<Motor>,
         model: Model,
         profile: Profile,
     ) -> Done {
@@ -276,7 +276,7 @@ impl Work<'_> {
         &self,
         session: &Session,
         chamber: &mut dyn Chamber,
-        motor: Option<&mut ScpiMotor>,
+        motor: Option<&mut Motor>,
         model: Model,
         profile: Profile,
     ) -> Result<Begun, CalibrateError> {

@@ -29,6 +29,7 @@ use crate::data::{
 };
 use crate::fit::temperature;
 use crate::gyroscope;
+use crate::over_temperature::AXES;
 use crate::session::Node;
 use crate::turns::VERTICAL_DEG;
 
@@ -353,8 +354,6 @@ fn dwell(dwelt: &Dwelt, measured: &Measured, made: &Made) -> ThermalDwell {
 fn mg(value: i32, bits: u32) -> f64 {
     f64::from(value) / 2f64.powi(bits as i32) / f64::from(ONE_G) * 1000.0
 }
-
-const AXES: [&str; 3] = ["x", "y", "z"];
 
 fn coefficients(model: &TemperatureModel) -> Vec<Coefficient> {
     match model {

@@ -49,7 +49,7 @@ pub enum Turner<'a> {
     /// Nothing: it lies level.
     Nothing,
     /// A motor with two axes.
-    Motor(&'a mut dyn Motor),
+    Motor(&'a mut Motor),
     /// A person.
     Hand(&'a Console),
 }
@@ -291,7 +291,7 @@ impl Bench<'_> {
             Turner::Nothing => level(session, settle_s, degc),
             Turner::Motor(motor) => Stands {
                 session,
-                motor: *motor,
+                motor,
                 settle_s,
                 followed,
                 tilts,

@@ -16,7 +16,7 @@ use crate::motor::{Axis, Motor};
 use crate::reading::Reading;
 use crate::scpi::DeviceError;
 use crate::session::Session;
-use crate::turns::rests;
+use crate::turns;
 
 /// Readings of an orientation.
 pub const READINGS: u32 = 20;
@@ -51,7 +51,7 @@ pub struct Stands<'a> {
     /// The nodes.
     pub session: &'a mut Session,
     /// The motor, which turns two axes.
-    pub motor: &'a mut dyn Motor,
+    pub motor: &'a mut Motor,
     /// Settling behind a movement, s.
     pub settle_s: f64,
     /// Whether gyroscopes are followed.
@@ -145,13 +145,9 @@ impl Stands<'_> {
         }
         // What the housing moves by until it stands still belongs to the turn.
         self.session.settle(self.settle_s)?;
-        let places = 0..self.session.nodes.len();
-        let gaps = places.map(|place| self.session.gaps(place));
-        let gaps = gaps.collect::<Result<Vec<u16>, _>>()?;
-        let from = self.session.marks()?;
-        let readings = still(self.session, 0.0, READINGS, at)?;
-        let to = self.session.marks()?;
-        stood.rests.push(rests(&readings, &from, &to, &gaps, false));
+        let read = |session: &mut Session| still(session, 0.0, READINGS, at);
+        let (readings, rests) = turns::followed(self.session, false, read)?;
+        stood.rests.push(rests);
         Ok(readings)
     }
 }

@@ -98,8 +98,7 @@ pub fn fit(
 
 /// Root mean square over all axes.
 pub fn rms(all: &[[f64; 3]]) -> f64 {
-    let squares: f64 = all.as_flattened().iter().map(|mg| mg * mg).sum();
-    (squares / (3 * all.len()).max(1) as f64).sqrt()
+    crate::fit::rms(all.as_flattened().iter().copied())
 }
 
 /// Means of each orientation's readings, and how many there are.

@@ -5,6 +5,7 @@ mod scale;
 use std::vec::Vec;
 
 use super::*;
+use crate::calibration::algebra::cross;
 use crate::calibration::least_squares::{invert, times};
 use crate::motion::{RATE_STEPS, Rate};
 use crate::sample::Temperature;
@@ -80,10 +81,6 @@ impl Dice {
         }
         gains
     }
-}
-
-fn cross([ax, ay, az]: [f64; 3], [bx, by, bz]: [f64; 3]) -> [f64; 3] {
-    [ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx]
 }
 
 fn unit(v: [f64; 3]) -> [f64; 3] {

@@ -32,6 +32,7 @@
 //! of 90 deg belong to every calibration. Left out: heading, which gravity does not show.
 
 use super::super::FitError;
+use super::super::algebra::{cross, dot, minus};
 use super::super::least_squares::{square_root, times};
 use super::super::poses::{product, small_rotation};
 
@@ -230,18 +231,6 @@ pub(super) fn minus_identity(gains: &[[f64; 3]; 3]) -> [[f64; 3]; 3] {
     [[a - 1.0, b, c], [d, e - 1.0, f], [g, h, i - 1.0]]
 }
 
-fn dot([ax, ay, az]: [f64; 3], [bx, by, bz]: [f64; 3]) -> f64 {
-    ax * bx + ay * by + az * bz
-}
-
-fn cross([ax, ay, az]: [f64; 3], [bx, by, bz]: [f64; 3]) -> [f64; 3] {
-    [ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx]
-}
-
 fn mean([ax, ay, az]: [f64; 3], [bx, by, bz]: [f64; 3]) -> [f64; 3] {
     [(ax + bx) / 2.0, (ay + by) / 2.0, (az + bz) / 2.0]
-}
-
-fn minus([ax, ay, az]: [f64; 3], [bx, by, bz]: [f64; 3]) -> [f64; 3] {
-    [ax - bx, ay - by, az - bz]
 }
