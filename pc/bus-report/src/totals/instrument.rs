@@ -11,7 +11,8 @@ use serde::{Deserialize, Serialize};
 use super::bins::Extremes;
 use super::capture::Recorder;
 use super::days::DAY_NS;
-use super::events::{End, Events, What};
+use super::event::{End, What};
+use super::events::Events;
 use super::gaps::Gap;
 use super::identity::Identity;
 use super::kind::Kind;
@@ -334,6 +335,7 @@ impl Instrument {
             side.reason = 0;
             side.warned = false;
         }
+        self.events.beat(now_ns, number as u8);
         if let Some(from_ns) = beat.lost_since_ns {
             self.lost(number, from_ns, now_ns, End::Over(now_ns));
         }
@@ -419,6 +421,7 @@ impl Instrument {
                 channel.checks.merge(&side.checks);
             }
         }
+        self.events.finish(now_ns);
         let last = std::mem::take(&mut self.summary);
         self.done.merge(&last);
         self.summary = std::mem::take(&mut self.done);
