@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import json
 import os
 import pathlib
 import subprocess
@@ -108,6 +109,22 @@ def test_a_kept_summary_that_is_none_ended_the_run(body: bytes, tmp_path: pathli
     head = kept.read_bytes().partition(b"\n")[0]
     kept.write_bytes(head + b"\n" + zlib.compress(body))
     (out / "figures/2026-11-20/rows.parquet").unlink()
+    outcome = run(root, out)
+    assert (outcome.read, outcome.frames) == (1, before.frames)
+
+
+@pytest.mark.parametrize(("name", "value"), [("frames", 10**30), ("first_ns", "x"), ("error", 5)])
+def test_a_kept_summary_with_a_field_of_another_type_ended_the_run(
+    name: str, value: Any, tmp_path: pathlib.Path
+) -> None:
+    root, out = tree(tmp_path / "logs", 1, 1), tmp_path / "out"
+    before = run(root, out)
+    [kept] = [path for path in (out / "logs").rglob("*") if path.is_file()]
+    head, _, body = kept.read_bytes().partition(b"\n")
+    fields = json.loads(head) | {name: value}
+    del fields["crc32"]
+    kept.write_bytes(json.dumps(fields).encode() + b"\n" + body)
+    put(out / ".journal", json.dumps({"log": "\ud800", "key": "k", "size": 10**30}) + "\n")
     outcome = run(root, out)
     assert (outcome.read, outcome.frames) == (1, before.frames)
 

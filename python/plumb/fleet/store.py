@@ -34,7 +34,7 @@ import pyarrow
 import pyarrow.parquet
 
 from .errors import FleetError, first_line
-from .layout import ABOUT, Log, day_of
+from .layout import ABOUT, Log, day_of, shown
 from .work import Read, unpack
 
 LEDGER = pyarrow.schema(
@@ -195,7 +195,9 @@ class Store:
             if fields.pop("crc32", None) not in (None, _check_sum(fields)):
                 return None
             version = fields.pop("version")
-            return Read(blake3, True, **fields) if version == VERSION else None
+            fits = all(one is None or isinstance(one, HEAD[name]) for name, one in fields.items())
+            is_it = version == VERSION and fits and 0 <= fields["frames"] < 2**63
+            return Read(blake3, True, **fields) if is_it else None
         except (OSError, ValueError, TypeError, KeyError, AttributeError):
             return None
 
@@ -243,7 +245,7 @@ class Store:
             for text in file:
                 with contextlib.suppress(ValueError, TypeError, AttributeError):
                     fields = json.loads(text)
-                    if all(isinstance(value, (str, int)) for value in fields.values()):
+                    if all(_is_plain(value) for value in fields.values()):
                         yield Line(**fields)
 
     def end_journal(self) -> None:
@@ -308,6 +310,18 @@ class Store:
                 self.partition("summaries", day), filters=[("machine", "=", machine)]
             )
             yield from table.column("summary").to_pylist()
+
+
+HEAD: dict[str, type] = dict.fromkeys(("frames", "first_ns", "last_ns"), int)
+HEAD |= dict.fromkeys(("incomplete", "error", "content"), str)
+"""Types of what is kept of a log."""
+
+
+def _is_plain(value: object) -> bool:
+    """Whether a table can hold a value of the journal."""
+    if isinstance(value, str):
+        return shown(value) == value
+    return isinstance(value, int) and abs(value) < 2**63
 
 
 def _check_sum(fields: dict[str, Any]) -> int:
