@@ -13,7 +13,7 @@ from typing import Any
 import can
 
 from ._plumb import Error
-from .twin import Frame, Timer, Twin, _ns
+from .twin import Frame, Timer, Twin, _ns, _whole
 
 SILENCE_S = 3600.0
 """A wait without an end is given up after this much virtual time."""
@@ -87,7 +87,7 @@ def _kbit(bitrate: int, words: dict[str, Any]) -> int:
     """A bit rate of python-can, bit/s, as `Twin` takes it, kbit/s."""
     if "bit_rate" in words:
         raise Error("give either bitrate (bit/s) or bit_rate (kbit/s)")
-    kbit, rest = divmod(bitrate, 1000)
+    kbit, rest = divmod(_whole(bitrate, "bitrate"), 1000)
     if rest:
         raise Error(f"bitrate is {bitrate} bit/s: give a whole number of kbit/s, such as 250000")
     return kbit

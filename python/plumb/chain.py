@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from . import _plumb
 from ._plumb import Error
+from .single import Single
 
 Calibration = Union[bytes, str, "os.PathLike[str]", "Fit"]
 
@@ -85,7 +86,7 @@ class Fit(_Arrays):
         return hash(self.calibration)
 
 
-class Chain:
+class Chain(Single):
     """One channel's signal chain, with its memory: samples may come in pieces.
 
     `calibration` is what a node stores (bytes), a file of `plumb replay --save-calibration`, a
@@ -273,6 +274,8 @@ def _exact(values: npt.ArrayLike, dtype: type, name: str) -> npt.NDArray:
         given = np.asarray(values)
         with np.errstate(invalid="ignore"):
             array: npt.NDArray = np.ascontiguousarray(given, dtype=dtype)
+    except OverflowError:
+        raise Error(f"{name} has values that {np.dtype(dtype).name} can't hold") from None
     except (TypeError, ValueError):
         raise Error(f"{name} is no array of numbers") from None
     if given.dtype != dtype and not np.array_equal(given, array):
@@ -287,7 +290,7 @@ def _reals(values: npt.ArrayLike, name: str, rows: str) -> npt.NDArray[np.float6
         if np.iscomplexobj(values):
             raise TypeError
         array = np.asarray(values, dtype=np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise Error(f"{name} is no array of numbers") from None
     if not np.isfinite(array).all():
         raise Error(f"{name} has values that are not finite: leave these {rows} out")
@@ -307,7 +310,7 @@ def _temperatures(given: npt.ArrayLike | float | None, samples: int) -> npt.NDAr
         if isinstance(given, np.ma.MaskedArray):
             given = np.ma.filled(given.astype(np.float64), np.nan)
         array = np.asarray(given, dtype=np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise Error("temperature_degc is neither a number nor an array of numbers") from None
     # NaN in an array is a temperature that was not read; one value is one that was.
     if np.isinf(array).any() or (array.ndim == 0 and np.isnan(array)):

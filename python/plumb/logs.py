@@ -12,6 +12,7 @@ from typing import Union
 import pyarrow
 
 from ._plumb import Decoder, Error, IncompleteWarning
+from .single import Single
 
 Path = Union[str, "os.PathLike[str]"]
 
@@ -34,9 +35,33 @@ def paths(given: Path | Iterable[Path]) -> list[str]:
 
 
 def _path(given: Path) -> str:
-    if not isinstance(given, (str, os.PathLike)) or isinstance(path := os.fspath(given), bytes):
+    path = _named(given)
+    if path is None:
         raise Error(f"{given!r} is no path: give one, or a list of them")
     return path
+
+
+def path_of(given: Path, name: str) -> str:
+    """A path as text, where there is one.
+
+    Errors: `Error` where it is something else.
+    """
+    path = _named(given)
+    if not path or "\0" in path:
+        raise Error(f"{name} is {given!r}: give the name of a file or folder, as text")
+    return path
+
+
+def _named(given: object) -> str | None:
+    """What is a path, as text; None for what is none."""
+    if not isinstance(given, (str, os.PathLike)):
+        return None
+    path = os.fspath(given)
+    try:
+        os.fsencode(path)
+    except UnicodeEncodeError:
+        return None
+    return path if isinstance(path, str) else None
 
 
 def logs_of(given: Path | Iterable[Path]) -> list[str]:
@@ -82,7 +107,7 @@ def _node_id(given: object) -> int:
     return node
 
 
-class Decoded:
+class Decoded(Single):
     """A log under way: an iterable of record batches, and an Arrow stream.
 
     It can be read once, though its schema more often. `pyarrow.table`, `polars.DataFrame`, pandas'

@@ -11,7 +11,7 @@ from pathlib import Path
 from . import _plumb
 from ._plumb import Error, IncompleteWarning
 from .logs import Path as Log
-from .logs import logs_of, node_ids, paths
+from .logs import logs_of, node_ids, path_of, paths
 
 
 def summarise(
@@ -36,7 +36,21 @@ def merge(summaries: Iterable[bytes]) -> bytes:
     """The summary of all these, the same bytes in any order and in any groups."""
     if isinstance(summaries, (bytes, bytearray)):
         raise Error("merge takes a list of summaries, and not one alone")
-    return _plumb.merge(list(summaries))
+    if not isinstance(summaries, Iterable):
+        raise Error(f"{summaries!r} is no list of summaries: give what summarise has returned")
+    return _plumb.merge([_summary(one) for one in summaries])
+
+
+def _summary(given: object) -> bytes:
+    """The bytes of a summary.
+
+    Errors: `Error` where it is something else.
+    """
+    try:
+        return bytes(memoryview(given))  # type: ignore[arg-type]
+    except TypeError:
+        kind = type(given).__name__
+        raise Error(f"a summary is of type {kind}: give the bytes of summarise or merge") from None
 
 
 def report(
@@ -46,7 +60,12 @@ def report(
 
     `bit_rate` in bit/s, to state the load of the bus in per cent.
     """
-    if bit_rate is not None and not 0 < bit_rate < math.inf:
+    try:
+        rate = None if bit_rate is None else float(bit_rate)
+        is_rate = not isinstance(bit_rate, str) and (rate is None or 0 < rate < math.inf)
+    except (TypeError, ValueError, OverflowError):
+        is_rate = False
+    if not is_rate:
         raise Error(f"{bit_rate} bit/s is no bit rate: give more than 0")
-    html, _ = _plumb.report(bytes(summary), os.fspath(path), bit_rate)
+    html, _ = _plumb.report(_summary(summary), path_of(path, "path"), rate)
     return Path(html)

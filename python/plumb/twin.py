@@ -11,6 +11,7 @@ from typing import Callable, Iterable, NamedTuple
 from . import _plumb
 from ._plumb import Error
 from .logs import node_ids as ids_of
+from .single import Single
 
 NS = 1_000_000_000
 
@@ -26,8 +27,14 @@ def _ns(seconds: float, name: str) -> int:
 
     Errors: `Error` where it is negative, not finite, or beyond the virtual clock.
     """
-    if not (math.isfinite(seconds) and seconds >= 0):
-        raise Error(f"{name} is a time from 0 on, and not {seconds}")
+    try:
+        is_time = math.isfinite(seconds) and seconds >= 0
+    except TypeError:
+        is_time = False
+    except OverflowError:
+        raise Error(f"{name} is a time in s, and not a number of hundreds of digits") from None
+    if not is_time:
+        raise Error(f"{name} is a time from 0 on, and not {seconds!r}")
     if seconds > LONGEST_S:
         raise Error(f"{name} is {seconds} s: give at most {LONGEST_S:.0f} s, 100 years")
     return round(seconds * NS)
@@ -39,6 +46,19 @@ def _whole(given: int, name: str) -> int:
         return operator.index(given)
     except TypeError:
         raise Error(f"{name} is {given!r}: give a whole number") from None
+
+
+def _bytes(given: bytes | Iterable[int]) -> bytes:
+    """The data of a frame; `Error` where they are none."""
+    try:
+        # Of a number Python makes so many zeros.
+        return bytes(given if isinstance(given, (bytes, bytearray)) else memoryview(given))
+    except TypeError:
+        pass
+    try:
+        return bytes(list(given))
+    except (TypeError, ValueError):
+        raise Error(f"data are {given!r}: give bytes, or numbers of 0 to 255") from None
 
 
 def _node_ids(given: Iterable[int]) -> list[int]:
@@ -102,10 +122,12 @@ class Client:
         length: int | None = None,
     ) -> None:
         """Puts a frame onto the bus; it goes out while virtual time goes on."""
+        id = _whole(id, "id")
         if not 0 <= id < IDS:
             raise Error(f"{id} is no identifier: give 0 to 7FFh, or to 1FFFFFFFh where extended")
-        size = len(data) if length is None else length
-        frame = (id, extended, remote, size, bytes(data))
+        data = _bytes(data)
+        size = len(data) if length is None else _whole(length, "length")
+        frame = (id, extended, remote, size, data)
         if not self._twin._world.send(self.number, frame):
             raise Error("too many frames of this client wait already: let time go on")
 
@@ -124,7 +146,7 @@ class Timer:
         raise NotImplementedError
 
 
-class Twin:
+class Twin(Single):
     """The virtual instrument on a bus of its own; its clock goes on only when it is told to.
 
     The same seed, words, frames and times give the same frames. `mode` is product, dynamic, paper
@@ -182,14 +204,17 @@ class Twin:
         Errors: `Error` where it can't be carried out, is `quit`, which is for the program, or is
         `wait` while messages are sent periodically, which the word would let pass.
         """
+        if not isinstance(words, str) or any("\ud800" <= letter <= "\udfff" for letter in words):
+            raise Error(f"{words!r} is no word: give a text such as 'pitch 30'")
         if words.partition("#")[0].split()[-1:] == ["quit"]:
             raise Error("quit ends the program plumb serve: delete the twin instead")
         if self._timers and words.split()[:1] == ["wait"]:
             raise Error("messages are sent periodically: let time go on by run() in place of wait")
-        try:
-            return self._world.say(words)
-        finally:
-            self._deal()
+        with self._going:
+            try:
+                return self._world.say(words)
+            finally:
+                self._deal()
 
     def send(self, id: int, data: bytes = b"", *, extended: bool = False) -> None:
         """Puts a frame onto the bus."""
@@ -217,6 +242,8 @@ class Twin:
 
         Errors: `Error` where a time is negative or not finite, or the step none.
         """
+        if not callable(is_it):
+            raise Error(f"is_it is {is_it!r}: give a function that takes a frame")
         end_ns = self._world.now_ns + _ns(timeout_s, "timeout_s")
         step_ns = _ns(step_s, "step_s")
         if step_ns == 0:
@@ -265,6 +292,7 @@ class Twin:
         """Gives what was on the bus to the clients."""
         for at_ns, id, extended, remote, length, data, sender in self._world.take_heard():
             frame = Frame(at_ns / NS, id, bytes(data), extended, remote, length, sender)
-            for client in self._clients:
+            # Another thread may join meanwhile.
+            for client in list(self._clients):
                 if client.own or client.number != sender:
                     client.waiting.append(frame)

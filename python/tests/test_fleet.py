@@ -17,7 +17,7 @@ from fleets import frames, put, results, text, tree
 
 import plumb
 from plumb import _plumb
-from plumb.fleet import FleetError, filing, layout, query, run, schedulers, store, work
+from plumb.fleet import FleetError, filing, layout, query, run, schedulers, scratch, store, work
 from plumb.fleet.__main__ import main
 from plumb.fleet.progress import Bar, left
 
@@ -278,7 +278,8 @@ def test_a_folder_in_which_a_compressed_log_counted_twice_is_put_right(
     log = root / "m1/2026-11-20.log"
     put(root / "m1/2026-11-20.log.gz", gzip.compress(log.read_bytes(), mtime=0))
     log.unlink()
-    monkeypatch.setattr(work, "contents", lambda logs: [None for _ in logs])
+    monkeypatch.setattr(work, "contents", lambda logs: [work.Content(None) for _ in logs])
+    monkeypatch.setattr(scratch.Scratch, "successor", lambda *_: None)
     assert run(root, out).frames > before.frames
     monkeypatch.undo()
     outcome = run(root, out)
@@ -545,6 +546,8 @@ def test_a_file_or_folder_of_the_wrong_kind_in_the_results_ended_in_a_traceback(
     [line] = lines(tmp_path / "good").values()
     blake3 = line["blake3"]
     name = name.format(key=line["key"], ab=blake3[:2], blake3=blake3)
+    if name != ".lock/x":
+        put(tmp_path / "out/.lock", "")
     wrong = put(tmp_path / "out" / name, "a person's own")
     assert main([str(tmp_path / "logs"), str(tmp_path / "out")]) == 2
     said = capsys.readouterr().err.splitlines()

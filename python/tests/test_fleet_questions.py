@@ -267,8 +267,9 @@ def test_sql_without_an_answer_gave_a_message_from_inside(tmp_path: pathlib.Path
 @pytest.mark.parametrize(
     ("question", "given", "sentence"),
     [
-        ("drift", {"bnd": 3}, "the question has no parameter bnd: it has band_deg, least_days"),
-        ("faults", {"bnd": 3}, "the question has no parameter bnd: it has none"),
+        ("drift", {"bnd": 3},
+         "the question has no parameter bnd: it has band_deg, least_days, today"),
+        ("faults", {"bnd": 3}, "the question has no parameter bnd: it has today"),
         ("select 1", {"x": 3}, "the question has no parameter x: it has none"),
         ("select $y", {"x": 3, "y": 1}, "the question has no parameter x: it has y"),
         ("drift", {"band_deg": -1}, "-1 deg is no band: give half of it, more than 0 deg"),

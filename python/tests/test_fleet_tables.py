@@ -105,7 +105,8 @@ run(sys.argv[1], sys.argv[2], workers=1)
         put(out / place, "of an earlier version")
     own = put(out / ".htaccess", "a person's own")
     run(root, out)
-    assert sorted(out.rglob(".*")) == [own, out / ".lock"]
+    kept = [out / ".lock", out / store.LEDGER_COPY]
+    assert sorted(out.rglob(".*")) == [own, *kept]
 
 
 def former(out: pathlib.Path) -> None:

@@ -253,3 +253,28 @@ def test_ctrl_c_waited_for_the_end_of_a_log(tmp_path: pathlib.Path) -> None:
             plumb.summarise(pipe)
     finally:
         os.close(end)
+
+
+OTHERS = ("restart", "memory")
+"""Kinds of events that each start of these logs has: a first boot-up is no restart."""
+
+
+@pytest.mark.parametrize("words", ["fault b stuck", "power b off", "fault a silent"])
+def test_a_fault_that_stood_in_the_morning_stood_for_ever_in_what_was_merged(
+    words: str, tmp_path: pathlib.Path
+) -> None:
+    both = [tmp_path / "morning.log", tmp_path / "noon.log"]
+    for number, (path, own) in enumerate(zip(both, [f"+1 s {words}", ""])):
+        path.write_text(candump(shift(7, 3.0, own), 1_790_000_000.0 + 3600.0 * number))
+
+    def ends(summary: bytes) -> list[tuple]:
+        plumb.report(summary, tmp_path / "report")
+        [instrument] = json.loads((tmp_path / "report/report.json").read_text())["instruments"]
+        events = [event for event in instrument["events"] if event["kind"] not in OTHERS]
+        return sorted((event["text"], event["end"], event["duration_s"]) for event in events)
+
+    apart = plumb.merge(map(plumb.summarise, reversed(both)))
+    assert ends(apart) == ends(plumb.summarise(both))
+    assert not any(end == "standing" for _, end, _ in ends(apart))
+    plumb.report(plumb.summarise(both[0]), tmp_path / "report")
+    assert '"standing"' in (tmp_path / "report/report.json").read_text()

@@ -8,10 +8,12 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import os
 import signal
 import sys
 import threading
 from collections.abc import Iterator
+from typing import TextIO
 
 from .._plumb import Error
 from .layout import PATTERN
@@ -48,14 +50,25 @@ def main(arguments: list[str] | None = None) -> int:
             outcome = _run(given, bar)
     except Error as why:
         bar.close()
-        print(_printable(f"plumb.fleet: {why}"), file=sys.stderr)
+        _say(f"plumb.fleet: {why}", sys.stderr)
         return 2
     except KeyboardInterrupt:
         bar.close()
-        print("plumb.fleet: interrupted: what is finished is kept, run again", file=sys.stderr)
+        _say("plumb.fleet: interrupted: what is finished is kept, run again", sys.stderr)
         return 130
     bar.close()
-    return _tell(outcome)
+    try:
+        _tell(outcome)
+        sys.stdout.flush()
+    except BrokenPipeError:
+        # Python would write what is left when it ends.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except OSError as why:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        said = f"the output can't be written: {why.strerror}"
+        _say(f"plumb.fleet: {said}; the results are in {outcome.page.parent}", sys.stderr)
+        return 2
+    return 2 if outcome.failed or outcome.incomplete else 0
 
 
 def _run(given: argparse.Namespace, bar: Bar) -> Outcome:
@@ -93,29 +106,32 @@ def _nodes(text: str) -> list[int]:
         raise Error(f"--nodes {text} is no list of node-ids: write it as 1,2") from None
 
 
-def _tell(outcome: Outcome) -> int:
-    print(outcome.verdict)
-    print(f"{outcome.logs} logs, {outcome.read} read now, {outcome.skipped} finished before")
+def _tell(outcome: Outcome) -> None:
+    _say(outcome.verdict)
+    _say(f"{outcome.logs} logs, {outcome.read} read now, {outcome.skipped} finished before")
     _list("Not counted", outcome.failed)
     _list("Counted in part", outcome.incomplete)
     _list("To be noted", outcome.notes)
-    print(f"Page: {outcome.page}")
-    return 2 if outcome.failed or outcome.incomplete else 0
+    _say(f"Page: {outcome.page}")
 
 
 def _list(title: str, sentences: dict[str, str]) -> None:
     if not sentences:
         return
-    print(f"{title}: {len(sentences)}")
+    _say(f"{title}: {len(sentences)}")
     for log, sentence in list(sentences.items())[:LISTED]:
-        print(_printable(f"  {sentence}" if log in sentence else f"  {log}: {sentence}"))
+        _say(f"  {sentence}" if log in sentence else f"  {log}: {sentence}")
     if len(sentences) > LISTED:
-        print(f"  and {len(sentences) - LISTED} more, in logs.parquet")
+        _say(f"  and {len(sentences) - LISTED} more, in logs.parquet")
 
 
-def _printable(text: str) -> str:
-    """Text of others without what a terminal might take for a command."""
-    return "".join(letter if letter.isprintable() else " " for letter in text)
+def _say(text: str, out: TextIO | None = None) -> None:
+    """A line of text, in the letters that the terminal has, and without what it might take for a
+    command."""
+    out = out or sys.stdout
+    text = "".join(letter if letter.isprintable() else " " for letter in text)
+    letters = getattr(out, "encoding", None) or "utf-8"
+    print(text.encode(letters, "backslashreplace").decode(letters), file=out)
 
 
 if __name__ == "__main__":

@@ -19,6 +19,8 @@ from typing import Any
 
 import pyarrow
 
+from .._plumb import Error
+from ..logs import path_of
 from .errors import FleetError, first_line
 from .layout import day_of
 from .store import LEDGER, MACHINES, days_of, refuse_other_format
@@ -32,6 +34,10 @@ DEFAULTS = {"recent_days": 7, "least_days": 5, "band_deg": None}
 
 LEAN_MB = 64
 """Memory that DuckDB has for the questions of a page, MB; what is more it keeps in files."""
+
+NEWEST = """select coalesce((select max(day) from logs where status in ('counted', 'incomplete')
+    and (path_day is null or path_day = day) and day in (select day from figures)), max(day))
+    from figures"""
 
 AT_ONCE = 256
 """Rows of an answer that are held in memory at once."""
@@ -53,7 +59,10 @@ class Figures:
     def __init__(self, out: str | os.PathLike[str], lean: bool = False) -> None:
         import duckdb
 
-        folder = pathlib.Path(out)
+        try:
+            folder = pathlib.Path(path_of(out, "out"))
+        except Error as why:
+            raise FleetError(str(why)) from None
         tables = {
             "figures": _parquet(_figures(folder)),
             "machines": _one(folder / "machines.parquet", MACHINES),
@@ -61,16 +70,22 @@ class Figures:
         }
         self._refusal = duckdb.Error
         self._no_room = duckdb.OutOfMemoryException
-        self._today = max(days_of(folder / "figures"))
         self._files = tempfile.TemporaryDirectory(prefix="plumb-")
         self._base = duckdb.connect(config=self._settings(lean))
         try:
             for name, table in tables.items():
                 self._base.execute(f"create view {name} as {table}")
             self._base.execute(sql("views"))
+            self._today = self._newest()
         except self._refusal as why:
             self.close()
             raise FleetError(f"{folder} can't be asked: {first_line(why)}") from None
+
+    def _newest(self) -> str:
+        """The last day of a log that counts on the day in its path, or has none there: a clock that
+        is wrong must not make all other machines silent. Else the last day with data."""
+        [[newest]] = self._base.execute(NEWEST).fetchall()
+        return str(newest)
 
     def _settings(self, lean: bool) -> dict[str, Any]:
         settings: dict[str, Any] = {"temp_directory": self._files.name}

@@ -8,6 +8,7 @@ Left out: reading (`work`), writing (`store`), and the order of the logs (`scrat
 
 from __future__ import annotations
 
+import dataclasses
 import datetime
 from dataclasses import dataclass
 
@@ -38,12 +39,21 @@ class Part:
     name: str
 
 
-def left_over(line: Line, read: Read) -> Entry:
-    """A log of an earlier run that is no longer there; what it came to still counts."""
+def left_over(line: Line, read: Read, sentence: str | None = None) -> Entry:
+    """A log of an earlier run that is no longer there, or can't be read now for the reason in
+    `sentence`; what it came to still counts."""
+    if sentence is not None and read.error is None:
+        read = in_force(read, f"{HERE}: {sentence}")
     log = Log(
         line.log, line.machine or "", line.path_day, line.size or 0, line.stamp or "", True
     )
     return Entry(log, read, gone=True)
+
+
+def in_force(read: Read, sentence: str) -> Read:
+    """What a log had come to before it could not be read any more."""
+    before = f"{sentence}; what was read of it before counts"
+    return dataclasses.replace(read, settled=False, incomplete=before)
 
 
 def filed(
@@ -124,3 +134,9 @@ def _line(entry: Entry, key: str, day: str | None, status: str, sentence: str | 
         stamp=log.stamp if read.settled else None,
         path_day=log.day,
     )
+
+
+def replaced(entry: Entry, by: str, key: str) -> Line:
+    """The line of a log that is gone, since another one has its beginning or all of it."""
+    why = f"is gone, and {by} has the same beginning or all of it: counted once"
+    return _line(entry, key, None, "duplicate", why)

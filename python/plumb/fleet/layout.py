@@ -12,7 +12,7 @@ from __future__ import annotations
 import datetime
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -79,13 +79,30 @@ class About:
     manifest: str
 
 
+DAY = re.compile(r"(\d{4})([-_.]?)(\d{2})\2(\d{2})", re.ASCII)
+"""A day in a name."""
+
+
 def day_of(text: str) -> str | None:
     """A day as 2026-11-20, out of that or of 20261120; None for what is no day."""
-    digits = re.sub(r"[-_.]", "", text)
+    match = DAY.fullmatch(text)
     try:
-        return datetime.datetime.strptime(digits, "%Y%m%d").date().isoformat()
+        return match and datetime.date(int(match[1]), int(match[3]), int(match[4])).isoformat()
     except ValueError:
         return None
+
+
+def _given_day(given: Any) -> str | None:
+    """The day of a value in a table, which may be a date, a time or a text with either.
+
+    Errors: `ValueError` where it is none.
+    """
+    text = str(given).strip()
+    if given is None or not text:
+        return None
+    if (day := day_of(re.split(r"[T ]", text, maxsplit=1)[0])) is None:
+        raise ValueError(f"{given!r} is no day such as 2026-11-20")
+    return day
 
 
 def matcher(pattern: str) -> re.Pattern[str]:
@@ -106,8 +123,12 @@ def matcher(pattern: str) -> re.Pattern[str]:
     return re.compile(f"{text}(/.*)?", re.DOTALL)
 
 
-def find(logs: str | os.PathLike[str], pattern: str = PATTERN) -> Iterator[Log | Stray]:
-    """The files below a folder or URL.
+def find(
+    logs: str | os.PathLike[str],
+    pattern: str = PATTERN,
+    out: str | os.PathLike[str] | None = None,
+) -> Iterator[Log | Stray]:
+    """The files below a folder or URL; those of the results in `out` are left aside.
 
     Errors: `FleetError` where the place can't be read, or, at the end, where there was no file, or
     none of the pattern.
@@ -117,7 +138,7 @@ def find(logs: str | os.PathLike[str], pattern: str = PATTERN) -> Iterator[Log |
     wanted = matcher(pattern)
     is_any, strays = False, 0
     few: list[str] = []
-    for path, info in _files(system, root, name):
+    for path, info in _files(system, root, name, out):
         below = path[len(root.rstrip("/")) :].lstrip("/")
         if any(part.startswith(".") for part in below.split("/")):
             continue
@@ -203,7 +224,8 @@ def read_manifest(
 def _rows(manifest: str) -> Iterator[dict[str, Any]]:
     """The rows of a manifest."""
     try:
-        with fsspec.open(manifest, "rb") as file:
+        opened = fsspec.open(manifest, "rb") if "://" in manifest else open(manifest, "rb")
+        with opened as file:
             table = pyarrow.parquet.ParquetFile(file)
             names = _wanted(table.schema_arrow.names, manifest)
             for batch in table.iter_batches(AT_ONCE, columns=names):
@@ -236,6 +258,8 @@ def _in_text(table: pyarrow.Table, manifest: str) -> pyarrow.Table:
     for number, name in enumerate(table.column_names):
         try:
             column = table.column(number)
+            if pyarrow.types.is_fixed_size_binary(column.type):
+                column = column.cast(pyarrow.large_binary())
             if column.type in (pyarrow.binary(), pyarrow.large_binary()):
                 column = column.cast(pyarrow.large_string())
                 table = table.set_column(number, name, column)
@@ -249,19 +273,46 @@ def _in_text(table: pyarrow.Table, manifest: str) -> pyarrow.Table:
 
 def _about(row: dict[str, Any], manifest: str) -> dict[str, str]:
     """What a row has on its machine; an empty text is no value."""
-    values = {name: row.get(name) for name in ABOUT}
-    values = {name: value for name, value in values.items() if str(value).strip()}
-    due = values.get("calibration_due")
-    if due is not None:
-        values["calibration_due"] = _due(due, manifest)
-    return {name: str(value) for name, value in values.items() if value is not None}
+    found: dict[str, str] = {}
+    for name in ABOUT:
+        value = row.get(name)
+        if value is None or not str(value).strip():
+            continue
+        try:
+            found[name] = str(_ABOUT.get(name, str)(value))
+        except ValueError as why:
+            raise FleetError(f"{manifest}: {name} {why}") from None
+    return found
 
 
-def _due(value: Any, manifest: str) -> str:
-    text = value.isoformat()[:10] if hasattr(value, "isoformat") else day_of(str(value))
-    if text is None:
-        raise FleetError(f"{manifest}: calibration_due {value!r} is no day such as 2026-11-20")
-    return text
+def _check_sum(given: Any) -> str:
+    """A check sum as the nodes have it, or a text with several.
+
+    Errors: `ValueError` where it is neither.
+    """
+    if isinstance(given, int) and not isinstance(given, bool) and 0 <= given < 2**32:
+        return f"{given:08X}"
+    if isinstance(given, str):
+        return given
+    raise ValueError(f"{given!r} is no check sum: give a text such as '1A2B3C4D'")
+
+
+def _hash(given: Any) -> str:
+    """A hash in text.
+
+    Errors: `ValueError` where it is another value.
+    """
+    if isinstance(given, str):
+        return given
+    raise ValueError(f"{given!r} is no hash: give it as text of 64 hexadecimal digits")
+
+
+_ABOUT: dict[str, Callable[[Any], str | None]] = {
+    "certificate_sha256": _hash,
+    "certificate_crc32": _check_sum,
+    "calibration_due": _given_day,
+}
+"""How a value is read that is no text of any kind."""
 
 
 def _entered(system: Any, root: str, row: dict[str, Any]) -> Log | Stray:
@@ -275,9 +326,10 @@ def _entered(system: Any, root: str, row: dict[str, Any]) -> Log | Stray:
     elif not path.startswith("/"):
         path = f"{root.rstrip('/')}/{path}"
     url = _url(system, path)
-    named = None if day is None else day_of(str(day)[:10])
-    if day is not None and named is None:
-        return Stray(url, f"the manifest's day {day!r} is no day such as 2026-11-20", True)
+    try:
+        named = _given_day(day)
+    except ValueError as why:
+        return Stray(url, f"the manifest's day {why}", True)
     try:
         info = system.info(path)
     except (OSError, ValueError) as why:
@@ -287,13 +339,21 @@ def _entered(system: Any, root: str, row: dict[str, Any]) -> Log | Stray:
 
 
 def _open(url: str) -> tuple[Any, str]:
+    if "://" not in url:
+        # "::" may be in a name here; fsspec takes it for a chain of URLs.
+        system = fsspec.filesystem("file")
+        return system, system._strip_protocol(url)
+    if "::" in url:
+        raise FleetError(f"{url} is a chain of URLs: unpack it, and name the folder")
     try:
         return fsspec.core.url_to_fs(url)
     except (ImportError, ValueError) as why:
         raise FleetError(f"{url} is of a kind that is not installed: {first_line(why)}") from None
 
 
-def _files(system: Any, root: str, name: str) -> Iterator[tuple[str, dict[str, Any]]]:
+def _files(
+    system: Any, root: str, name: str, out: str | os.PathLike[str] | None
+) -> Iterator[tuple[str, dict[str, Any]]]:
     """Paths of all files below a folder, each with what the file system has of it."""
     try:
         if not system.exists(root):
@@ -301,7 +361,8 @@ def _files(system: Any, root: str, name: str) -> Iterator[tuple[str, dict[str, A
         if system.isfile(root):
             raise FleetError(f"{name} is a file: name the folder of the machines")
         if _is_local(system):
-            yield from _walked(system, root)
+            skipped = None if out is None or not os.path.isdir(out) else _place(out)
+            yield from _walked(system, root, skipped, ())
         else:
             # A bucket lists all names in a few requests, and a folder at a time in many.
             yield from system.find(root, detail=True).items()
@@ -309,10 +370,28 @@ def _files(system: Any, root: str, name: str) -> Iterator[tuple[str, dict[str, A
         raise FleetError(f"{name} can't be listed: {first_line(why)}") from None
 
 
-def _walked(system: Any, folder: str) -> Iterator[tuple[str, dict[str, Any]]]:
-    """The same of this machine, name by name; what is gone meanwhile is left out. A folder that
-    can't be listed stands for itself, with the reason as its `error`."""
+Inode = tuple[int, int]
+"""What a folder has under any name: device and number."""
+
+
+def _place(folder: str | os.PathLike[str]) -> Inode:
+    found = os.stat(folder)
+    return found.st_dev, found.st_ino
+
+
+def _walked(
+    system: Any, folder: str, skipped: Inode | None, above: tuple[Inode, ...]
+) -> Iterator[tuple[str, dict[str, Any]]]:
+    """The same of this machine, name by name, through links; what is gone meanwhile is left out,
+    and so is the folder `skipped`. A folder that can't be listed stands for itself, with the reason
+    as its `error`."""
     try:
+        own = _place(folder)
+        if own == skipped:
+            return
+        if own in above:
+            yield folder, {"error": "it is a link to a folder that it is in"}
+            return
         names = os.scandir(folder)
     except FileNotFoundError:
         return
@@ -325,14 +404,18 @@ def _walked(system: Any, folder: str) -> Iterator[tuple[str, dict[str, Any]]]:
                 info = system.info(name)
             except FileNotFoundError:
                 continue
-            if info["type"] == "directory":
-                yield from _walked(system, info["name"])
+            if info["type"] == "directory" or (info.get("islink") and os.path.isdir(name)):
+                yield from _walked(system, info["name"], skipped, (*above, own))
             else:
                 yield info["name"], info
 
 
 def _log(system: Any, path: str, info: dict[str, Any], machine: str, day: str | None) -> Log:
     local = _is_local(system)
+    if local and info.get("islink"):
+        # Those of the file, and not of the link to it.
+        found = os.stat(path)
+        info = info | {"size": found.st_size, "mtime": found.st_mtime}
     keys = ("ETag", "etag", "mtime", "LastModified", "last_modified", "updated", "created")
     stamp = next((str(info[key]) for key in keys if info.get(key)), "")
     return Log(_url(system, path), machine, day, int(info.get("size") or 0), stamp, local)

@@ -11,7 +11,6 @@ import itertools
 import json
 import os
 import pathlib
-import shutil
 import urllib.parse
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
@@ -20,7 +19,7 @@ from typing import Any
 from .. import _plumb
 from .asking import Figures, sql
 from .scratch import Told
-from .store import Store
+from .store import REPORTS, Store, remove_made
 from .visits import Rules, Visit
 from .visits import found as visits
 
@@ -90,7 +89,7 @@ def _remove_others(folder: pathlib.Path, wanted: set[str]) -> None:
     if folder.is_dir():
         for entry in os.scandir(folder):
             if entry.name not in wanted:
-                shutil.rmtree(entry.path, ignore_errors=True)
+                remove_made(pathlib.Path(entry.path), REPORTS)
 
 
 def _report(figures: Figures, rules: Rules, found: list[Visit], told: Told) -> Row:
@@ -111,7 +110,7 @@ def _report(figures: Figures, rules: Rules, found: list[Visit], told: Told) -> R
         "sections": [
             _faults(ask("faults")),
             _drift(figures, ask("drift")),
-            _histories(figures),
+            _histories(figures, rules),
             _calibration(figures, ask("calibration")),
             _restarts(ask("restarts"), ask("silent")),
             _logs(told),
@@ -332,8 +331,9 @@ SPANS = """select machine, instrument,
     order by vibration_max desc nulls last, machine, interface, instrument"""
 
 
-def _histories(figures: Figures) -> Row:
-    spans = First.of(figures.rows(SPANS.format(histories=sql("histories"))))
+def _histories(figures: Figures, rules: Rules) -> Row:
+    text = SPANS.format(histories=sql("histories"))
+    spans = First.of(figures.rows(text, **rules.parameters()))
     columns: list[Column] = [
         ("Machine", _of("machine"), None),
         ("Instrument", _of("instrument"), 0),

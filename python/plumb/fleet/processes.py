@@ -126,7 +126,8 @@ def local(workers: int) -> Iterator[str]:
     try:
         yield cluster.scheduler_address
     finally:
-        cluster.close()
+        with contextlib.suppress(TimeoutError, asyncio.TimeoutError, OSError):
+            cluster.close()
 
 
 @contextlib.contextmanager

@@ -46,8 +46,7 @@ class Bar:
         if not self._shown or (now_s - self._last_s < EVERY_S and jobs < all_jobs):
             return
         self._last_s = now_s
-        self._out.write("\r\x1b[K" + self.line(jobs, all_jobs, done, total, now_s - self._since_s))
-        self._out.flush()
+        self._write("\r\x1b[K" + self.line(jobs, all_jobs, done, total, now_s - self._since_s))
 
     def line(self, jobs: int, all_jobs: int, done: float, total: float, since_s: float) -> str:
         """The line."""
@@ -61,5 +60,12 @@ class Bar:
     def close(self) -> None:
         """Removes the line."""
         if self._shown and self._stage:
-            self._out.write("\r\x1b[K")
+            self._write("\r\x1b[K")
+
+    def _write(self, text: str) -> None:
+        """Writes to the terminal; a run goes on without one."""
+        try:
+            self._out.write(text)
             self._out.flush()
+        except OSError:
+            self._shown = False

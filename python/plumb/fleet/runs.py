@@ -11,20 +11,23 @@ Left out: each step (`layout`, `work`, `filing`, `merging`, `store`, `page`).
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import os
 import pathlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
+import pyarrow
+
 from .._plumb import Error
-from ..logs import node_ids
+from ..logs import node_ids, path_of, paths
 from . import filing, layout, page, schedulers, scratch, work
-from .errors import FleetError
+from .errors import FleetError, first_line
 from .merging import Progress, merge
 from .scratch import Scratch
-from .store import Line, Store, owned, refuse_other_kinds, rename_former_days
-from .visits import Rules
+from .store import Line, Store, owned, refuse_others, rename_former_days
+from .visits import Rules, refuse_other_rules
 
 MOST_WORKERS = 64
 """The most processes that are started on one machine with fewer processors."""
@@ -75,7 +78,7 @@ def run(
     scheduler: str | schedulers.Place | None = None,
     workers: int | None = None,
     nodes: Iterable[int] = (),
-    eds: Iterable[str] = (),
+    eds: str | Iterable[str] | None = None,
     rules: Rules = Rules(),
     progress: Progress = lambda *_: None,
 ) -> Outcome:
@@ -87,11 +90,14 @@ def run(
     used, by default one for each processor.
     Errors: `FleetError` with one sentence; what was there before is still there.
     """
-    folder = _folder(out)
-    how = work.How(_pairs(nodes), tuple(os.path.abspath(sheet) for sheet in eds))
-    with scratch.opened() as known:
+    with _in_fleet_errors(), scratch.opened() as known:
+        logs, folder = path_of(logs, "logs"), _folder(path_of(out, "out"))
+        manifest = None if manifest is None else path_of(manifest, "manifest")
+        sheets = [] if eds is None else paths(eds)
+        how = work.How(_pairs(nodes), tuple(os.path.abspath(sheet) for sheet in sheets))
+        _refuse(pattern, workers, rules, progress)
         _find(known, logs, pattern, manifest, folder)
-        refuse_other_kinds(folder)
+        refuse_others(folder)
         try:
             store = Store(folder, how.key)
         except OSError as why:
@@ -106,18 +112,49 @@ def run(
             store.write_machines(known.machines())
             store.write_ledger(known.ledger())
             store.end_journal()
-            made = page.write(store, rules, known.told(page.ROWS))
+            made = _page(known, store, how, rules, progress)
         return _outcome(made, known, read)
 
 
-def _folder(out: str | os.PathLike[str]) -> pathlib.Path:
+@contextlib.contextmanager
+def _in_fleet_errors() -> Iterator[None]:
+    """Errors of the package, and of the file system, as those of a fleet."""
+    try:
+        yield
+    except FleetError:
+        raise
+    except Error as why:
+        raise FleetError(str(why)) from None
+    except OSError as why:
+        place = f"{why.filename} " if why.filename else "a file "
+        raise FleetError(
+            f"{place}can't be used: {why.strerror or first_line(why)}; allow it or make room, and "
+            "run again"
+        ) from None
+
+
+def _refuse(pattern: object, workers: object, rules: object, progress: object) -> None:
+    """Refuses words of other types.
+
+    Errors: `FleetError`.
+    """
+    if not isinstance(pattern, str):
+        raise FleetError(f"pattern is {pattern!r}: give a text such as {layout.PATTERN!r}")
+    if not (workers is None or isinstance(workers, int)):
+        raise FleetError(f"workers is {workers!r}: give a whole number")
+    refuse_other_rules(rules)
+    if not callable(progress):
+        raise FleetError(f"progress is {progress!r}: give a function")
+
+
+def _folder(out: str) -> pathlib.Path:
     """The folder of the results.
 
     Errors: `FleetError` where it is a URL, or where its name can be in no table.
     """
-    if "://" in os.fspath(out):
+    if "://" in out:
         raise FleetError(
-            f"{os.fspath(out)} is a URL, and results are written to a folder of this machine: name "
+            f"{out} is a URL, and results are written to a folder of this machine: name "
             "one, and copy it afterwards"
         )
     path = os.path.abspath(out)
@@ -137,8 +174,9 @@ def _recall(known: Scratch, store: Store, how: work.How) -> None:
             known.add_todo(log)
         else:
             known.add_entry(filing.Entry(log, read))
-    for line in known.gone():
-        known.add_entry(filing.left_over(line, _kept(store, line, how)))
+    # Lines are taken while entries are added, which are in another table.
+    for line, sentence in known.gone():
+        known.add_entry(filing.left_over(line, _kept(store, line, how), sentence))
 
 
 def _kept(store: Store, line: Line, how: work.How) -> work.Read:
@@ -175,15 +213,26 @@ def _count(
     return count
 
 
+def _page(
+    known: Scratch, store: Store, how: work.How, rules: Rules, progress: Progress
+) -> page.Made:
+    """The page; a day whose tables are damaged is merged again before."""
+    try:
+        return page.write(store, rules, known.told(page.ROWS))
+    except (FleetError, OSError, pyarrow.ArrowException):
+        if not store.drop_damaged():
+            raise
+    if damage := merge(schedulers.Here(), known, how.key, store, progress):
+        raise FleetError(damage)
+    return page.write(store, rules, known.told(page.ROWS))
+
+
 def _pairs(nodes: Iterable[int]) -> tuple[int, ...]:
     """The nodes of the instruments, A, B, A, B.
 
-    Errors: `FleetError` where one is no node-id, or has no partner.
+    Errors: `Error` where one is no node-id, or has no partner.
     """
-    try:
-        given = tuple(node_ids(nodes))
-    except Error as why:
-        raise FleetError(str(why)) from None
+    given = tuple(node_ids(nodes))
     if len(given) % 2:
         raise FleetError("each instrument has two nodes, A and B: write them as 1,2")
     return given
@@ -200,7 +249,7 @@ def _find(
 
     Errors: `FleetError` where there is none.
     """
-    found = layout.find(logs, pattern) if manifest is None else layout.read_manifest(manifest, logs)
+    found = layout.find(logs, pattern, out) if manifest is None else layout.read_manifest(manifest, logs)
     for one in found:
         known.add(one)
     # The results may stand below the logs.
@@ -240,7 +289,7 @@ def _read(
         for log, found in zip(group, outcome):
             result = store.put(found)
             store.note(log, result, how.key)
-            known.add_entry(filing.Entry(log, result))
+            known.add_entry(filing.Entry(log, _or_earlier(known, store, how, log, result)))
         read += len(group)
         done += sum(log.size for log in group)
         progress("reading", read, count, done, total)
@@ -248,20 +297,33 @@ def _read(
     return read
 
 
+def _or_earlier(
+    known: Scratch, store: Store, how: work.How, log: layout.Log, result: work.Read
+) -> work.Read:
+    """What a log has come to; where its file can't be read, what it had come to before."""
+    line = known.earlier(log) if result.blake3 is None else None
+    before = None if line is None else _kept(store, line, how)
+    if before is None or before.error is not None or result.error is None:
+        return result
+    return filing.in_force(before, result.error)
+
+
 def _look_into(place: schedulers.Place, known: Scratch, store: Store) -> None:
     """Finds which files have the same content, since one is the other one compressed.
 
-    What could not be looked into counts for itself, and is looked into by the next run.
+    What could not be looked into counts for itself and is listed; the next run looks into it.
     """
     known.add_alike()
     jobs = ((one, one[0].size) for one in known.alike())
     for group, outcome in place.map(work.contents, jobs):
         if isinstance(outcome, Exception):
-            continue
+            outcome = [work.Content(None, work.not_compared(str(outcome)))] * len(group)
         for (_, blake3), content in zip(group, outcome):
-            if content is not None:
-                known.add_content(blake3, content)
-                store.put_content(blake3, content)
+            if content.error is not None:
+                known.add_incomplete(blake3, content.error)
+            elif content.blake3 is not None:
+                known.add_content(blake3, content.blake3)
+                store.put_content(blake3, content.blake3)
     known.end_todo()
 
 
@@ -271,13 +333,15 @@ def _file(known: Scratch, how: work.How) -> None:
     Errors: `FleetError` where none counts.
     """
     known.clear_lines()
-    known.add_stray_lines(how.key)
     for entry, note in known.entries():
         line, part = filing.filed(entry, note, known.twin(entry.read), how.key)
+        if entry.gone and part is not None and (other := known.successor(entry)):
+            line, part = filing.replaced(entry, other, how.key), None
         if line is not None:
             known.add_line(line)
         if part is not None:
             known.add_part(part, entry)
+    known.add_stray_lines(how.key)
     if known.machine_count() == 0:
         raise _nothing(known)
 

@@ -17,6 +17,7 @@ import logging
 import sys
 import threading
 import time
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any, Protocol
 
@@ -103,19 +104,37 @@ class Own:
         self, function: Function, jobs: Iterable[tuple[Any, int]], *more: Any
     ) -> Iterator[tuple[list[Any], list | Exception]]:
         """Each group with what came of it."""
+        sent: Counter[Any] = Counter()
+        given = _noted(jobs, sent)
         try:
-            found = iter(self._place.map(function, jobs, *more))
+            found = iter(self._place.map(function, given, *more))
         except (AttributeError, TypeError) as why:
             raise FleetError(f"{OWN} ({first_line(why)})") from None
         for pair in found:
             try:
                 group, outcome = pair
                 fits = isinstance(outcome, Exception) or len(outcome) == len(group)
+                came = Counter(group)
             except (TypeError, ValueError):
                 fits = False
             if not fits:
                 raise FleetError(OWN)
+            if any(sent[job] < count for job, count in came.items()):
+                raise FleetError(f"the scheduler's map has yielded a job twice: {OWN}")
+            for job, count in came.items():
+                sent[job] -= count
+                if not sent[job]:
+                    del sent[job]
             yield group, outcome
+        if left := sent.total() + sum(1 for _ in given):
+            raise FleetError(f"the scheduler's map has not yielded {left} of the jobs: {OWN}")
+
+
+def _noted(jobs: Iterable[tuple[Any, int]], sent: Counter[Any]) -> Iterator[tuple[Any, int]]:
+    """The jobs, each counted in `sent` when it is taken."""
+    for job, size in jobs:
+        sent[job] += 1
+        yield job, size
 
 
 class Dask:
@@ -278,7 +297,9 @@ def _client(address: str) -> Iterator[Any]:
     try:
         yield client
     finally:
-        client.close()
+        # After an interruption it may wait in vain for what is gone.
+        with contextlib.suppress(TimeoutError, asyncio.TimeoutError, OSError):
+            client.close()
 
 
 async def _greet(address: str) -> None:

@@ -42,11 +42,13 @@ create table entries (url text primary key, machine, day, size, stamp, local, go
     blake3, settled, frames, first_ns, last_ns, incomplete, error, content) without rowid;
 create index files on entries (blake3);
 create index spans on entries (frames, first_ns, last_ns);
+create index begins on entries (machine, first_ns);
 create table lines (log text, key, status, sentence, machine, day, frames, size, blake3, stamp,
     path_day);
 create table parts (day text, machine text, blake3 text, name text, content text, url,
     primary key (day, machine, blake3)) without rowid;
 create unique index once on parts (content);
+create index own on parts (url);
 create table pieces (day text, machine text, level, summary);
 create index piece on pieces (day, machine, level);
 create table damaged (blake3 text primary key) without rowid;
@@ -198,13 +200,21 @@ class Scratch:
         for *log, blake3 in self._base.execute(text, (key,)):
             yield _log(log), blake3
 
-    def gone(self) -> Iterator[Line]:
-        """Lines of the last run that counted, and whose logs are no longer there."""
-        text = f"""select {", ".join(BEFORE)} from before where day is not null
-            and log not in (select url from logs) and log not in (select url from strays)
+    def gone(self) -> Iterator[tuple[Line, str | None]]:
+        """Lines of the last run that counted, and whose logs are no longer there, or can't be read
+        as they are now; then with the sentence on that."""
+        text = f"""select {", ".join(BEFORE)}, sentence from before
+            left join strays on url = log where day is not null
+            and log not in (select url from logs) and (url is null or should_be_log)
             order by log"""
-        for row in self._base.execute(text):
-            yield Line(**dict(zip(BEFORE, row)))
+        for *row, sentence in self._base.execute(text):
+            yield Line(**dict(zip(BEFORE, row))), sentence
+
+    def earlier(self, log: Log) -> Line | None:
+        """The line of the last run on a log, where it counted."""
+        text = f"select {', '.join(BEFORE)} from before where log = ? and day is not null"
+        row = self._base.execute(text, (log.url,)).fetchone()
+        return row and Line(**dict(zip(BEFORE, row)))
 
     # What there is to read, and what it came to.
 
@@ -275,6 +285,27 @@ class Scratch:
         text = "update entries set content = ? where blake3 = ?"
         self._base.execute(text, (content, blake3))
 
+    def add_incomplete(self, blake3: str, sentence: str) -> None:
+        """Enters a sentence on the logs whose files have this hash, where they have none."""
+        text = "update entries set incomplete = coalesce(incomplete, ?) where blake3 = ?"
+        self._base.execute(text, (sentence, blake3))
+
+    def successor(self, gone: Entry) -> str | None:
+        """The log that has all of one that is gone, as it was renamed or compressed, also after it
+        had grown: a new log of the machine that begins at the same instant and has as many frames
+        or more; without dates one of the same name but for .gz, with as many frames."""
+        read, log = gone.read, gone.log
+        text = """select url, last_ns from entries cross join parts using (url)
+            where entries.machine = ?1 and first_ns is ?2 and not gone and frames >= ?3
+            and not exists (select 1 from before where log = url and before.blake3 = entries.blake3)
+            and (?2 is not null or frames = ?3
+                and replace(url, '.gz', '') = replace(?4, '.gz', ''))
+            order by url"""
+        first_ns = None if read.first_ns is None else str(read.first_ns)
+        found = self._base.execute(text, (log.machine, first_ns, read.frames, log.url))
+        ends = ((url, int(last_ns or 0)) for url, last_ns in found.fetchall())
+        return next((url for url, last_ns in ends if last_ns >= (read.last_ns or 0)), None)
+
     # What is damaged.
 
     def add_damaged(self, blake3: str) -> None:
@@ -303,10 +334,10 @@ class Scratch:
             self._base.execute(f"delete from {table}")
 
     def add_stray_lines(self, key: str) -> None:
-        """Enters a line for each stray."""
+        """Enters a line for each stray that has none."""
         text = """insert into lines (log, key, status, sentence)
             select url, ?, iif(should_be_log, 'failed', 'stray'), sentence from strays
-            order by url"""
+            where url not in (select log from lines) order by url"""
         self._base.execute(text, (key,))
 
     def add_line(self, line: Line) -> None:

@@ -1,7 +1,7 @@
 """What is kept in the folder of a fleet, each file complete or not there.
 
     logs/KEY/ab/BLAKE3         summary of a log, or why there is none, by the log's content
-    logs.parquet               every log: machine, day, content, status and sentence
+    logs.parquet               every log: machine, day, content, status and sentence; and a copy
     figures/D/rows.parquet     a row per machine and instrument of the day D
     summaries/D/rows.parquet   the merged summary of each machine
     machines.parquet           what manifests have on the machines
@@ -34,7 +34,7 @@ import pyarrow
 import pyarrow.parquet
 
 from .errors import FleetError, first_line
-from .layout import ABOUT, Log, day_of
+from .layout import ABOUT, Log, day_of, shown
 from .work import Read, unpack
 
 LEDGER = pyarrow.schema(
@@ -86,8 +86,20 @@ SUMMARIES = pyarrow.schema(
 
 JOURNAL = ".journal"
 
-FILES = (".lock", JOURNAL, "logs.parquet", "machines.parquet", "report.html", "report.json")
+LEDGER_COPY = ".logs.parquet"
+"""The same as logs.parquet, which can't be made anew for logs that are gone."""
+
+MARKS = (".lock", JOURNAL, "logs.parquet", LEDGER_COPY)
+"""A folder with one of these is that of a fleet."""
+
+FILES = (*MARKS, "machines.parquet", "report.html", "report.json")
 """Files of the folder."""
+
+REPORTS = ("report.html", "report.json")
+"""Files of a machine's folder."""
+
+TABLE = "rows.parquet"
+"""The file of a day's folder."""
 
 KINDS = ("figures", "summaries")
 """Folders of a folder for each day."""
@@ -119,6 +131,10 @@ AS_ROWS = 64
 
 VERSION = 2
 """Version of what is kept of a log: that of the summaries. Another one is counted anew."""
+
+
+BEGIN = b'{"format":"plumb-summary","version":%d,' % VERSION
+"""What a summary begins with."""
 
 
 class Damaged(FleetError):
@@ -179,7 +195,9 @@ class Store:
             if fields.pop("crc32", None) not in (None, _check_sum(fields)):
                 return None
             version = fields.pop("version")
-            return Read(blake3, True, **fields) if version == VERSION else None
+            fits = all(one is None or isinstance(one, HEAD[name]) for name, one in fields.items())
+            is_it = version == VERSION and fits and 0 <= fields["frames"] < 2**63
+            return Read(blake3, True, **fields) if is_it else None
         except (OSError, ValueError, TypeError, KeyError, AttributeError):
             return None
 
@@ -191,9 +209,12 @@ class Store:
         place = self._place(blake3)
         try:
             packed = place.read_bytes().partition(b"\n")[2]
-            unpack(packed)
+            is_whole = unpack(packed).startswith(BEGIN)
         except (OSError, zlib.error):
-            place.unlink(missing_ok=True)
+            is_whole = False
+        if not is_whole:
+            with _in_words(place):
+                place.unlink(missing_ok=True)
             raise Damaged(f"{place} was damaged and is removed: run again") from None
         return packed
 
@@ -201,7 +222,10 @@ class Store:
 
     def ledger(self) -> Iterator[Line]:
         """The lines of the last run; none where there was no run."""
-        return (Line(**row) for row in _rows(self.folder / "logs.parquet"))
+        path, copy = self.folder / "logs.parquet", self.folder / LEDGER_COPY
+        if copy.is_file() and not _is_whole(path) and _is_whole(copy):
+            path = copy
+        return (Line(**row) for row in _rows(path))
 
     def note(self, log: Log, result: Read, key: str) -> None:
         """Keeps in a journal which content a log has, so that an interrupted run is gone on with."""
@@ -221,7 +245,7 @@ class Store:
             for text in file:
                 with contextlib.suppress(ValueError, TypeError, AttributeError):
                     fields = json.loads(text)
-                    if all(isinstance(value, (str, int)) for value in fields.values()):
+                    if all(_is_plain(value) for value in fields.values()):
                         yield Line(**fields)
 
     def end_journal(self) -> None:
@@ -231,7 +255,11 @@ class Store:
     def write_ledger(self, lines: Iterable[Line]) -> None:
         """Writes the lines, which are in the order of the logs."""
         rows = ({name: getattr(line, name) for name in LEDGER.names} for line in lines)
-        write_table(self.folder / "logs.parquet", rows, LEDGER)
+        path = self.folder / "logs.parquet"
+        write_table(path, rows, LEDGER)
+        with _in_words(path), path.open("rb") as whole:
+            with _replacing(self.folder / LEDGER_COPY) as copy:
+                shutil.copyfileobj(whole, copy)
 
     def machines(self) -> Iterator[dict[str, Any]]:
         """What is known of the machines from manifests, a row for each."""
@@ -243,11 +271,11 @@ class Store:
 
     def partition(self, kind: str, day: str) -> pathlib.Path:
         """The file of a day, of `figures` or `summaries`."""
-        return self.folder / kind / day / "rows.parquet"
+        return self.folder / kind / day / TABLE
 
     def days(self) -> list[str]:
-        """The days that are there."""
-        return list(days_of(self.folder / "figures"))
+        """The days that are there, as a whole or in part."""
+        return sorted({day for kind in KINDS for day in days_of(self.folder / kind)})
 
     def digest(self, day: str) -> str | None:
         """What a day was made of; None where it is not there as a whole."""
@@ -263,7 +291,17 @@ class Store:
     def drop_day(self, day: str) -> None:
         """Removes a day that has no log any more."""
         for kind in KINDS:
-            shutil.rmtree(self.partition(kind, day).parent, ignore_errors=True)
+            remove_made(self.partition(kind, day).parent, (TABLE,))
+
+    def drop_damaged(self) -> bool:
+        """Removes days with a table that can't be read; whether there was one."""
+        damaged = [day for day in self.days() if not self._is_readable(day)]
+        for day in damaged:
+            self.drop_day(day)
+        return bool(damaged)
+
+    def _is_readable(self, day: str) -> bool:
+        return all(_is_whole(self.partition(kind, day)) for kind in KINDS)
 
     def summaries(self, machine: str) -> Iterator[bytes]:
         """The summaries of a machine's days, in the order of the days."""
@@ -274,6 +312,18 @@ class Store:
             yield from table.column("summary").to_pylist()
 
 
+HEAD: dict[str, type] = dict.fromkeys(("frames", "first_ns", "last_ns"), int)
+HEAD |= dict.fromkeys(("incomplete", "error", "content"), str)
+"""Types of what is kept of a log."""
+
+
+def _is_plain(value: object) -> bool:
+    """Whether a table can hold a value of the journal."""
+    if isinstance(value, str):
+        return shown(value) == value
+    return isinstance(value, int) and abs(value) < 2**63
+
+
 def _check_sum(fields: dict[str, Any]) -> int:
     """The check sum of what is kept of a log, beside its summary, which has one of its own."""
     return zlib.crc32(json.dumps(fields).encode())
@@ -282,14 +332,26 @@ def _check_sum(fields: dict[str, Any]) -> int:
 def days_of(folder: pathlib.Path) -> dict[str, pathlib.Path]:
     """The days of a folder of figures or summaries in their order, each with its own folder, also
     one that an earlier version has made."""
-    return dict(sorted(dict(_places(folder)).items()))
+    return dict(sorted((day, own) for day, own in _places(folder) if (own / TABLE).exists()))
 
 
 def _places(folder: pathlib.Path) -> list[tuple[str, pathlib.Path]]:
-    """Days with their folders, that of an earlier version first where a day has both."""
+    """Days with their folders, that of an earlier version first where a day has both. A link is
+    none: what is behind it is not of this folder."""
     former = [(path.name.removeprefix(FORMERLY), path) for path in folder.glob(f"{FORMERLY}*")]
-    days = [(path.name, path) for path in folder.glob("*") if day_of(path.name) == path.name]
-    return former + days
+    days = former + [(path.name, path) for path in folder.glob("*")]
+    return [(day, path) for day, path in days if day_of(day) == day and not path.is_symlink()]
+
+
+def remove_made(folder: pathlib.Path, names: Iterable[str]) -> None:
+    """Removes files of these names, and their folder where nothing else is in it. What is behind a
+    link stays."""
+    if folder.is_symlink() or not folder.is_dir():
+        return
+    with contextlib.suppress(OSError):
+        for name in names:
+            (folder / name).unlink(missing_ok=True)
+        folder.rmdir()
 
 
 def rename_former_days(folder: pathlib.Path) -> None:
@@ -298,25 +360,38 @@ def rename_former_days(folder: pathlib.Path) -> None:
     Errors: `FleetError` where that is refused.
     """
     for kind in KINDS:
-        for former in (folder / kind).glob(f"{FORMERLY}*"):
-            place = former.with_name(former.name.removeprefix(FORMERLY))
+        for day, former in _places(folder / kind):
+            place = former.with_name(day)
+            if place == former or not (former / TABLE).is_file():
+                continue
             try:
-                if place.exists():
-                    shutil.rmtree(former)
-                else:
-                    former.rename(place)
+                place.mkdir(exist_ok=True)
+                if not (place / TABLE).exists():
+                    (former / TABLE).rename(place / TABLE)
+                remove_made(former, (TABLE,))
             except OSError as why:
                 reason = why.strerror or why
                 raise FleetError(f"cannot rename {former}: {reason}; remove it") from None
 
 
-def refuse_other_kinds(folder: pathlib.Path) -> None:
-    """Refuses a folder in which a folder stands where a file has its place, or a file for a folder.
+def refuse_others(folder: pathlib.Path) -> None:
+    """Refuses a folder that is not empty and has no mark of a fleet, and one in which a folder
+    stands where a file has its place, or a file for a folder.
 
     Errors: `FleetError`; nothing was changed.
     """
+    if folder.is_dir() and not any((folder / mark).exists() for mark in MARKS):
+        try:
+            first = min(os.listdir(folder), default=None)
+        except OSError as why:
+            raise FleetError(f"{folder} can't be listed: {why.strerror or why}") from None
+        if first is not None:
+            raise FleetError(
+                f"{folder} has {first} in it and no results of a fleet: name an empty folder, or a "
+                "new one"
+            )
     days = [place for kind in KINDS for _, place in _places(folder / kind)]
-    files = [folder / name for name in FILES] + [day / "rows.parquet" for day in days]
+    files = [folder / name for name in FILES] + [day / TABLE for day in days]
     folders = [folder / name for name in FOLDERS] + days
     folders += (folder / "logs").glob("*")
     for path in files:
@@ -332,8 +407,9 @@ def _rows(path: pathlib.Path) -> Iterator[dict[str, Any]]:
 
     Errors: `FleetError` where it is damaged, or of another version of this package.
     """
-    if not path.exists():
-        return
+    with _in_words(path):
+        if not path.exists():
+            return
     refuse_other_format(path)
     try:
         with pyarrow.parquet.ParquetFile(path) as table:
@@ -360,8 +436,40 @@ def refuse_other_format(path: pathlib.Path) -> None:
         )
 
 
+def _is_whole(path: pathlib.Path) -> bool:
+    """Whether a table can be read to its end."""
+    try:
+        with pyarrow.parquet.ParquetFile(path) as table:
+            for _ in table.iter_batches(AS_ROWS):
+                pass
+    except (OSError, pyarrow.ArrowException):
+        return False
+    return True
+
+
+LOST = {
+    "logs.parquet": "logs that are gone no longer count then, and the others are counted anew",
+    "machines.parquet": "what manifests had on the machines is lost then",
+}
+"""What is lost with a table."""
+
+
 def _unreadable(path: pathlib.Path, why: BaseException) -> FleetError:
-    return FleetError(f"{path} can't be read ({first_line(why)}): remove it, and it is made anew")
+    if isinstance(why, OSError) and why.errno is not None:
+        return FleetError(f"{path} can't be read: {os.strerror(why.errno)}; allow it, and run again")
+    lost = LOST.get(path.name.lstrip("."), "it is made anew then")
+    return FleetError(
+        f"{path} is damaged ({first_line(why)}): put a copy of it back, or remove it; {lost}"
+    )
+
+
+@contextlib.contextmanager
+def _in_words(path: pathlib.Path) -> Iterator[None]:
+    """A file that can't be read as `FleetError`."""
+    try:
+        yield
+    except OSError as why:
+        raise _unreadable(path, why) from None
 
 
 def write_table(
@@ -452,7 +560,7 @@ def owned(folder: pathlib.Path) -> Iterator[None]:
 
 def _remove_parts(folder: pathlib.Path) -> None:
     """Removes what a run that was killed has left of files that it was writing."""
-    days = (day for kind in KINDS for day in days_of(folder / kind).values())
+    days = (day for kind in KINDS for _, day in _places(folder / kind))
     own = [*days, *(folder / "logs").glob("*/*")]
     # In these a person may have hidden files, too.
     shared = [folder, *(folder / "machines").glob("*")]

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from .asking import Figures, day_in, refuse_parameters
+from .errors import FleetError
 
 
 @dataclass(frozen=True)
@@ -83,8 +84,18 @@ class Visit:
 
 def visits(out: str | os.PathLike[str], rules: Rules = Rules()) -> list[Visit]:
     """The machines of the folder `out` that need a visit, the most urgent first."""
+    refuse_other_rules(rules)
     with Figures(out) as figures:
         return found(figures, rules)
+
+
+def refuse_other_rules(given: object) -> None:
+    """Refuses what are no rules.
+
+    Errors: `FleetError`.
+    """
+    if not isinstance(given, Rules):
+        raise FleetError(f"rules is {given!r}: give plumb.fleet.Rules")
 
 
 def found(figures: Figures, rules: Rules) -> list[Visit]:

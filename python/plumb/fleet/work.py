@@ -125,33 +125,57 @@ def read_all(logs: list[Log], how: How) -> list[Read]:
     return [read(log, how) for log in logs]
 
 
-def contents(logs: list[tuple[Log, str]]) -> list[str | None]:
-    """The hash of what is in each log, given the log and the hash of its file: another one where
-    the file is compressed and whole. None where it can't be read, or has changed since it was
-    listed."""
-    return [_content(log, blake3) for log, blake3 in logs]
+@dataclass(frozen=True, slots=True)
+class Content:
+    """What is in a log."""
+
+    blake3: str | None
+    """Of the bytes that are in the file; None where it has changed since it was listed."""
+    error: str | None = None
+    """The sentence on why that is not known."""
+
+
+def contents(logs: list[tuple[Log, str]]) -> list[Content]:
+    """What is in each log, given the log and the hash of its file: that of other bytes where the
+    file is compressed and whole."""
+    return [_content_in_words(log, blake3) for log, blake3 in logs]
+
+
+def _content_in_words(log: Log, blake3: str) -> Content:
+    try:
+        return Content(_content(log, blake3))
+    except Exception as why:  # noqa: BLE001 - whatever it is, the log counts, and is listed
+        reason = getattr(why, "strerror", None) or first_line(why)
+        return Content(None, not_compared(reason))
+
+
+def not_compared(reason: str) -> str:
+    """The sentence on a log that may be the same as another one."""
+    return f"{HERE} may count twice, as it could not be unpacked and compared: {reason}"
 
 
 def _content(log: Log, blake3: str) -> str | None:
-    try:
-        with fsspec.open(log.url, "rb") as file:
-            if file.read(len(GZIP)) != GZIP:
-                return blake3
-        with tempfile.TemporaryDirectory(prefix="plumb-") as folder:
-            path = pathlib.Path(folder, "log")
-            if not _unpacked(log, path):
-                return blake3
-            counted = _plumb.count(str(path), [], [])
-        is_same = not log.local or str(os.stat(log.url).st_mtime) == log.stamp
-    except Exception:  # noqa: BLE001 - without it the log counts for itself
-        return None
+    with _opened(log) as file:
+        if file.read(len(GZIP)) != GZIP:
+            return blake3
+    with tempfile.TemporaryDirectory(prefix="plumb-") as folder:
+        path = pathlib.Path(folder, "log")
+        if not _unpacked(log, path):
+            return blake3
+        counted = _plumb.count(str(path), [], [])
+    is_same = not log.local or str(os.stat(log.url).st_mtime) == log.stamp
     return counted.blake3 if is_same else None
+
+
+def _opened(log: Log) -> Any:
+    """A log, opened. On this machine "::" may be in a name; in a URL it chains several."""
+    return open(log.url, "rb") if log.local else fsspec.open(log.url, "rb")
 
 
 def _unpacked(log: Log, path: pathlib.Path) -> bool:
     """Writes what is in a compressed log to a file; whether it is whole."""
     try:
-        with fsspec.open(log.url, "rb") as packed, gzip.open(packed) as source:
+        with _opened(log) as packed, gzip.open(packed) as source:
             with path.open("wb") as copy:
                 shutil.copyfileobj(source, copy, PIECE)
     except (EOFError, zlib.error, gzip.BadGzipFile):
@@ -172,7 +196,7 @@ def _read_local(log: Log, how: How) -> Read:
 
 def _read_remote(log: Log, how: How, folder: pathlib.Path) -> Read:
     path = folder / (log.name or "log")
-    with fsspec.open(log.url, "rb") as source, path.open("wb") as copy:
+    with _opened(log) as source, path.open("wb") as copy:
         shutil.copyfileobj(source, copy, PIECE)
     settled = path.stat().st_size == log.size and log.stamp != ""
     return Read(settled=settled, **_count(str(path), how))

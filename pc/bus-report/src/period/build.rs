@@ -209,7 +209,7 @@ fn one(
         days: days(summary, clock),
         events: instrument
             .events
-            .kept()
+            .concluded()
             .iter()
             .map(|event| self::event(event, ids))
             .collect(),

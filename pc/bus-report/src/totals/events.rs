@@ -6,9 +6,11 @@
 //! a repetition, as in the device's own fault log.
 //!
 //! An end is known by the set of faults in EMCY bytes 3 to 5, by the error register for what
-//! belongs to the bus, or by a restart of the node (docs/canopen.md, EMCY).
+//! belongs to the bus, or by a restart of the node (docs/canopen.md, EMCY). What stood at the end
+//! of its log may end in a later one, which is found when the list is read ([`Endings`]).
 
-use super::kind::Kind;
+use super::endings::Endings;
+use super::event::{End, Event, What};
 use codes::words;
 use listen::{Emergency, SAME_START_NS};
 use serde::{Deserialize, Serialize};
@@ -19,80 +21,9 @@ pub const MOST_FAULTS: usize = 200;
 /// Other events that are kept one by one.
 pub const MOST_OTHERS: usize = 100;
 
-/// Again within this time is a repetition, ns.
-pub const REPEAT_NS: u64 = 1_000_000_000;
-
 /// Error register, bit 4: communication; and bit 0, which any error sets.
 const COMMUNICATION: u8 = 0x10;
 const GENERIC: u8 = 0x01;
-
-/// What happened.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, PartialOrd, Ord)]
-pub enum What {
-    /// An EMCY message of this code.
-    Emergency(u16),
-    /// The heartbeat stayed away.
-    HeartbeatLost,
-    /// A boot-up message after other frames of the node.
-    Restart,
-}
-
-impl What {
-    /// Its kind.
-    pub fn kind(self) -> Kind {
-        match self {
-            Self::Emergency(code) => Kind::of(code),
-            Self::HeartbeatLost => Kind::Heartbeat,
-            Self::Restart => Kind::Restart,
-        }
-    }
-
-    /// True for what has no end of its own.
-    fn is_momentary(self) -> bool {
-        match self {
-            Self::Emergency(0x8120 | 0x8130) => false,
-            Self::Emergency(code) => words::fault(code).is_none(),
-            Self::HeartbeatLost => false,
-            Self::Restart => true,
-        }
-    }
-}
-
-/// How an event ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, PartialOrd, Ord)]
-pub enum End {
-    /// It has no end of its own.
-    Momentary,
-    /// Told to be over at this time, ns.
-    Over(u64),
-    /// The node started anew at this time, ns.
-    Restarted(u64),
-    /// Not before the log ended.
-    Standing,
-}
-
-/// One event.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Event {
-    /// When, ns.
-    pub at_ns: u64,
-    /// 0 is channel A, 1 is channel B: who told it, or whose heartbeat it is.
-    pub side: u8,
-    /// What.
-    pub what: What,
-    /// Channel that is blamed, seen from the teller: 0 none, 1 own, 2 the other, 3 both.
-    pub blamed: u8,
-    /// Why, as 2025h numbers it; 0 for no reason.
-    pub reason: u8,
-    /// State of the pair (2021h), where the message tells it.
-    pub state: Option<u8>,
-    /// How it ended.
-    pub end: End,
-    /// How often it came again.
-    pub repeats: u32,
-    /// The number of the plot with the SYNCs around it.
-    pub plot: Option<usize>,
-}
 
 /// The list.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
@@ -102,12 +33,29 @@ pub struct Events {
     faults: usize,
     /// Faults and others that were not kept.
     left_out: [u64; 2],
+    /// What the log ends of those that stood before it.
+    #[serde(default)]
+    endings: Endings,
 }
 
 impl Events {
-    /// What was kept, in the order of the log.
-    pub fn kept(&self) -> &[Event] {
-        &self.kept
+    /// What was kept, in the order of the log; after a merge in the order of time, with the ends
+    /// that later logs have.
+    pub fn concluded(&self) -> Vec<Event> {
+        self.endings.applied(&self.kept)
+    }
+
+    /// A node sent a heartbeat.
+    pub fn beat(&mut self, at_ns: u64, side: u8) {
+        self.endings.beat(at_ns, side);
+    }
+
+    /// The log has ended at this time.
+    pub fn finish(&mut self, now_ns: u64) {
+        let open = self.kept.iter_mut();
+        for event in open.filter(|event| event.end == End::Standing) {
+            event.stood_ns = Some(now_ns);
+        }
     }
 
     /// How many faults and how many others found no room.
@@ -146,6 +94,7 @@ impl Events {
         {
             kept.repeats = kept.repeats.saturating_add(1);
             kept.end = event.end;
+            kept.told_ns = event.at_ns;
             return Some((place, false));
         }
         let is_fault = event.what.kind().is_fault();
@@ -171,6 +120,13 @@ impl Events {
         // The 0000h of a bus error has an empty set although faults of the instrument may stand.
         let no_set = told.bytes == [0; 5] && told.register & !(COMMUNICATION | GENERIC) != 0;
         let has_set = !of_bus && !no_set;
+        let no_bus_error = told.code == 0 && told.register & COMMUNICATION == 0;
+        if has_set {
+            self.endings.set(at_ns, side, set);
+        }
+        if no_bus_error {
+            self.endings.bus(at_ns, side);
+        }
         let open = self.kept.iter_mut();
         for event in open.filter(|event| event.side == side && event.end == End::Standing) {
             let What::Emergency(code) = event.what else {
@@ -178,7 +134,7 @@ impl Events {
             };
             let over = match words::fault(code) {
                 Some(fault) => has_set && set >> fault as u8 & 1 == 0,
-                None => told.code == 0 && told.register & COMMUNICATION == 0,
+                None => no_bus_error,
             };
             if over {
                 event.end = End::Over(at_ns);
@@ -188,9 +144,10 @@ impl Events {
 
     /// Ends what a restart takes back, which is all that this node has told.
     pub fn restarted(&mut self, at_ns: u64, side: u8) {
+        self.endings.restart(at_ns, side);
         let open = self.kept.iter_mut();
         for event in open.filter(|event| event.side == side && event.end == End::Standing) {
-            let is_of_this_start = at_ns.saturating_sub(event.at_ns) < SAME_START_NS;
+            let is_of_this_start = at_ns.saturating_sub(event.told_ns) < SAME_START_NS;
             if matches!(event.what, What::Emergency(_)) && !is_of_this_start {
                 event.end = End::Restarted(at_ns);
             }
@@ -200,6 +157,7 @@ impl Events {
     /// Takes the events of another log: the earliest faults and others of both are kept, in the
     /// order of time. `places` are those of the captures behind a merge, by their former places.
     pub fn merge(&mut self, other: &Self, places: &[Vec<Option<usize>>; 2]) {
+        self.endings.merge(&other.endings);
         let [own, others] = places;
         let both = self.kept.iter().map(|event| (event, own));
         let both = both.chain(other.kept.iter().map(|event| (event, others)));
@@ -240,60 +198,6 @@ impl Events {
     }
 }
 
-impl Event {
-    fn new(at_ns: u64, side: u8, what: What) -> Self {
-        let end = if what.is_momentary() {
-            End::Momentary
-        } else {
-            End::Standing
-        };
-        Self {
-            at_ns,
-            side,
-            what,
-            blamed: 0,
-            reason: 0,
-            state: None,
-            end,
-            repeats: 0,
-            plot: None,
-        }
-    }
-
-    /// All of it, the time first; an event without a plot comes after the same one with a plot,
-    /// whether it never had one or has lost it.
-    const fn key(&self) -> (u64, u8, What, [u8; 3], End, u32, usize) {
-        let state = match self.state {
-            Some(state) => state,
-            None => u8::MAX,
-        };
-        let plot = match self.plot {
-            Some(plot) => plot,
-            None => usize::MAX,
-        };
-        let about = [self.blamed, self.reason, state];
-        (
-            self.at_ns,
-            self.side,
-            self.what,
-            about,
-            self.end,
-            self.repeats,
-            plot,
-        )
-    }
-
-    fn is_within_a_second(&self, later: &Self) -> bool {
-        let end_ns = match self.end {
-            End::Over(at_ns) | End::Restarted(at_ns) => at_ns,
-            End::Momentary => self.at_ns,
-            // Told again without an end, as after a frame that was lost.
-            End::Standing => later.at_ns,
-        };
-        later.at_ns >= self.at_ns && later.at_ns.saturating_sub(end_ns) <= REPEAT_NS
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use device::fault::Fault;
@@ -322,12 +226,12 @@ mod tests {
         events.emergency(2 * S, 0, &told(0xFF02, 0x81, peer | silent));
         events.emergency(3 * S, 1, &told(0, 0, 0));
         events.emergency(4 * S, 0, &told(0, 0x81, silent));
-        let ends: Vec<_> = events.kept().iter().map(|event| event.end).collect();
+        let ends: Vec<_> = events.kept.iter().map(|event| event.end).collect();
         assert_eq!(ends, [End::Over(4 * S), End::Standing]);
-        assert_eq!(events.kept()[0].reason, 15);
-        assert_eq!(events.kept()[0].blamed, 2);
+        assert_eq!(events.kept[0].reason, 15);
+        assert_eq!(events.kept[0].blamed, 2);
         events.restarted(5 * S, 0);
-        assert_eq!(events.kept()[1].end, End::Restarted(5 * S));
+        assert_eq!(events.kept[1].end, End::Restarted(5 * S));
     }
 
     #[test]
@@ -341,7 +245,7 @@ mod tests {
             bytes: [0; 5],
         };
         events.emergency(3 * S, 0, &end);
-        let ends: Vec<_> = events.kept().iter().map(|event| event.end).collect();
+        let ends: Vec<_> = events.kept.iter().map(|event| event.end).collect();
         assert_eq!(ends, [End::Standing, End::Over(3 * S)]);
     }
 
@@ -351,9 +255,19 @@ mod tests {
         let uncalibrated = 1 << Fault::NotCalibrated as u32;
         events.emergency(S, 0, &told(0xFF20, 0x81, uncalibrated));
         events.restarted(S + 185_000, 0);
-        assert_eq!(events.kept()[0].end, End::Standing);
+        assert_eq!(events.kept[0].end, End::Standing);
         events.restarted(2 * S, 0);
-        assert_eq!(events.kept()[0].end, End::Restarted(2 * S));
+        assert_eq!(events.kept[0].end, End::Restarted(2 * S));
+    }
+
+    #[test]
+    fn a_fault_that_stood_and_is_reported_again_at_a_start_ended_with_that_start() {
+        let mut events = Events::default();
+        let uncalibrated = told(0xFF20, 0x81, 1 << Fault::NotCalibrated as u32);
+        events.emergency(S, 0, &uncalibrated);
+        events.emergency(9 * S, 0, &uncalibrated);
+        events.restarted(9 * S + 185_000, 0);
+        assert_eq!(events.kept[0].end, End::Standing);
     }
 
     #[test]
@@ -364,8 +278,8 @@ mod tests {
             events.emergency(n * S, 1, &told(0xFF01, 0x81, set));
             events.emergency(n * S + S / 2, 1, &told(0, 0, 0));
         }
-        assert_eq!(events.kept().len(), 1);
-        assert_eq!(events.kept()[0].repeats, 49);
+        assert_eq!(events.kept.len(), 1);
+        assert_eq!(events.kept[0].repeats, 49);
     }
 
     #[test]
@@ -382,6 +296,6 @@ mod tests {
             &told(0xFF13, 0x81, 1 << Fault::Disagree as u32),
         );
         assert_eq!(events.left_out(), [0, 900]);
-        assert_eq!(events.kept().len(), 101);
+        assert_eq!(events.kept.len(), 101);
     }
 }

@@ -11,7 +11,8 @@ use serde::{Deserialize, Serialize};
 use super::bins::Extremes;
 use super::capture::Recorder;
 use super::days::DAY_NS;
-use super::events::{End, Events, What};
+use super::event::{End, What};
+use super::events::Events;
 use super::gaps::Gap;
 use super::identity::Identity;
 use super::join::Join;
@@ -335,6 +336,7 @@ impl Instrument {
             side.reason = 0;
             side.warned = false;
         }
+        self.events.beat(now_ns, number as u8);
         if let Some(from_ns) = beat.lost_since_ns {
             self.lost(number, from_ns, now_ns, End::Over(now_ns));
         }
@@ -420,6 +422,7 @@ impl Instrument {
                 channel.checks.join(&side.checks);
             }
         }
+        self.events.finish(now_ns);
         let last = std::mem::take(&mut self.summary);
         self.done.join(&last);
         self.summary = std::mem::take(&mut self.done);

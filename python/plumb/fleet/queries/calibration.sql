@@ -10,6 +10,7 @@ with newest as (
         arg_max(a_report_sha256, day) filter (a_report_sha256 is not null) as a_sha256,
         arg_max(b_report_sha256, day) filter (b_report_sha256 is not null) as b_sha256
     from figures
+    where cast(day as date) <= cast($today as date)
     group by all
 ),
 -- An empty text is no check sum and no hash.

@@ -1,6 +1,6 @@
 -- The drift of A - B: a line through the daily means, with its standard error, and the day on
 -- which it leaves the band.
--- Parameters: $band_deg, half the width of the band, null for the expanded uncertainty of the
+-- Parameters: $today, behind which no day counts; $band_deg, half the width of the band, null for the expanded uncertainty of the
 -- difference (k = 2) out of the standard uncertainties that the nodes have sent; $least_days,
 -- days that a line needs.
 -- A drift is significant where chance gives such a one in fewer than about one of 10 000 lines, by
@@ -17,7 +17,8 @@ with axes as (
     from machine_days
 ),
 points as (
-    select *, date_diff('day', date '2000-01-01', date) as t from axes where syncs > 0
+    select *, date_diff('day', date '2000-01-01', date) as t from axes
+    where syncs > 0 and date <= cast($today as date)
 ),
 sums as (
     select machine, interface, instrument, axis,

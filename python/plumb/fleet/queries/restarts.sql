@@ -7,6 +7,7 @@ select machine, interface, instrument,
     count(*) filter (restart_count > 0) as days_with_restarts,
     max(date) filter (restart_count > 0) as last_restart
 from machine_days
+where date <= cast($today as date)
 group by all
 having sum(restart_count) > 0
 order by recent_restarts desc nulls last, restarts desc, machine

@@ -5,6 +5,7 @@ with spans as (
     select machine, min(date) as first_day, max(date) filter (covered_s > 0) as last_day,
         count(distinct date) filter (covered_s > 0) as days
     from machine_days
+    where date <= cast($today as date)
     group by machine
 )
 select machine, first_day, last_day, days,
