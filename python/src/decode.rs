@@ -18,15 +18,20 @@ use arrow_array::ffi_stream::FFI_ArrowArrayStream;
 use arrow_array::{ArrayRef, RecordBatch, RecordBatchReader};
 use arrow_schema::{ArrowError, DataType, Field, Schema, SchemaRef};
 use bus_report::period::LogsReport;
-use bus_report::playback::{COLUMNS, Options, Row, Table, unit};
+use bus_report::playback::{COLUMNS, Given, Options, Row, Table, unit};
 use listen::PlanOptions;
 use pyo3::prelude::*;
 use pyo3::types::PyCapsule;
 
 use crate::error::said;
+use crate::signals;
 
 /// Rows of a batch: 16 MB with the columns that every table has.
 const ROWS: usize = 1 << 16;
+
+/// Frames that a batch is made of at most, which may have no row: half a second, after which
+/// whoever reads can handle signals.
+const FRAMES: usize = 1 << 20;
 
 /// Why there is no stream, or no batch of it.
 const READ_ALREADY: &str = "this log was read already; decode it again";
@@ -88,7 +93,8 @@ impl Decoder {
             to,
             ..Options::default()
         };
-        let table = py.detach(|| Table::open(&logs, &options, begin));
+        // A pipe lets who opens it wait for its writer.
+        let table = signals::wait_for(py, move || Table::open(&logs, &options, begin))?;
         let table = table.map_err(said)?;
         let came_to = Arc::new(Mutex::new(CameTo {
             logs: table.logs(),
@@ -227,15 +233,15 @@ impl Iterator for Stream {
             return None;
         }
         let mut batch = Batch::new(self.table.signals().len());
-        let given = self.table.give(ROWS, |row, extra| batch.add(row, extra));
+        let most = (ROWS, FRAMES);
+        let given = (self.table).give(most, |row, extra| batch.add(row, extra));
         let mut came_to = lock(&self.came_to);
         came_to.logs = self.table.logs();
         match given {
-            Ok(rows) => {
-                self.has_ended = rows < ROWS;
-                if self.has_ended {
-                    came_to.incomplete = self.table.incomplete().map(|why| why.to_string());
-                }
+            Ok(Given::Some(_)) => Some(batch.finish(&self.schema)),
+            Ok(Given::Last(rows)) => {
+                self.has_ended = true;
+                came_to.incomplete = self.table.incomplete().map(|why| why.to_string());
                 (rows > 0).then(|| batch.finish(&self.schema))
             }
             Err(why) => {

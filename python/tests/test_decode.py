@@ -5,8 +5,10 @@ from __future__ import annotations
 import csv
 import gzip
 import math
+import os
 import pathlib
 import shutil
+import signal
 import subprocess
 import sys
 import threading
@@ -15,7 +17,7 @@ import pyarrow
 import pyarrow.compute
 import pyarrow.parquet
 import pytest
-from conftest import ROOT, candump, run, sentence, shift
+from conftest import ROOT, candump, interrupted, run, sentence, shift
 
 import plumb
 
@@ -285,3 +287,19 @@ def test_the_first_line_of_an_open_file_was_taken_for_a_path(log: pathlib.Path) 
         for what in (plumb.decode, plumb.summarise):
             with pytest.raises(plumb.Error, match=" is no path: give one, or a list of them$"):
                 what(given)
+
+
+def test_frames_of_others_alone_kept_ctrl_c_waiting_for_the_end(tmp_path: pathlib.Path) -> None:
+    # Signals are handled between two batches.
+    path = tmp_path / "others.log"
+    path.write_text("(1790000000.000000) can0 7FF#\n" * 2_200_000)
+    rows = [batch.num_rows for batch in plumb.decode(path)]
+    assert rows == [0, 0]
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGALRM"), reason="there is no such signal")
+def test_ctrl_c_waited_for_the_writer_of_a_pipe(tmp_path: pathlib.Path) -> None:
+    pipe = tmp_path / "nobody.log"
+    os.mkfifo(pipe)
+    with interrupted(0.2):
+        plumb.decode(pipe)

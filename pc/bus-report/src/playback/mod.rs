@@ -33,7 +33,7 @@ use output::write::Existing;
 pub use error::PlaybackError;
 pub use options::Options;
 pub use row::{COLUMNS, Row, unit};
-pub use table::Table;
+pub use table::{Given, Table};
 
 use export::Export;
 use reading::Reading;

@@ -23,6 +23,15 @@ pub struct Table {
     rows: Rows,
 }
 
+/// How many rows were given.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Given {
+    /// So many, and there may be more.
+    Some(usize),
+    /// So many, and the logs have ended.
+    Last(usize),
+}
+
 impl Table {
     /// Opens the logs that a table is made of; `options` may name an interface, instruments, data
     /// sheets and the end.
@@ -48,19 +57,23 @@ impl Table {
         self.rows.signals()
     }
 
-    /// Gives up to `most` rows to `take`, each with the values of [`Table::signals`]; how many,
-    /// fewer only at the end.
+    /// Gives up to `most` rows to `take`, each with the values of [`Table::signals`], out of up to
+    /// `most_frames` frames, which may be of others and give none.
     ///
     /// Errors: a log can't be read. What stood before was given.
     pub fn give(
         &mut self,
-        most: usize,
+        (most, most_frames): (usize, usize),
         mut take: impl FnMut(&Row<'_>, &[Option<f64>]),
-    ) -> Result<usize, PlaybackError> {
+    ) -> Result<Given, PlaybackError> {
         let mut count = 0;
-        while count < most
-            && let Some((logged, news)) = self.reading.next()?
-        {
+        for _ in 0..most_frames {
+            if count == most {
+                break;
+            }
+            let Some((logged, news)) = self.reading.next()? else {
+                return Ok(Given::Last(count));
+            };
             let Reading {
                 source, summary, ..
             } = &self.reading;
@@ -69,7 +82,7 @@ impl Table {
                 count += 1;
             }
         }
-        Ok(count)
+        Ok(Given::Some(count))
     }
 
     /// What was read and skipped so far.
