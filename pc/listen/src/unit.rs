@@ -5,7 +5,7 @@
 //! slopes and the one taken does not.
 //!
 //! Preset and offset shift a slope, so what counts is by how much both change. A slope that has
-//! turned by 2 deg says which unit it has; three such turns in a row that only another unit
+//! turned by 2 deg says which unit it has; four such turns in a row that only another unit
 //! explains are a doubt, and one that the unit taken explains ends it. A jump that no unit
 //! explains is a preset, or a slope at a limit, and says nothing.
 //!
@@ -25,7 +25,7 @@ const UNITS_MDEG: [i32; 4] = [1, 10, 100, 1000];
 const TURN_MDEG: i32 = 2_000;
 
 /// Turns in a row that only another unit explains.
-const TURNS: u8 = 3;
+const TURNS: u8 = 4;
 
 /// SYNCs in a row at which the slopes are the angles in another unit.
 const ALIKE: u8 = 5;
@@ -129,6 +129,11 @@ impl Unit {
         if !is_taken && !others.into_iter().any(|unit| explains(unit, from, to)) {
             *since = now;
             self.follows = false;
+            // As at a limit, into which a slope may turn by any part.
+            self.against = match self.against {
+                TURNS => TURNS,
+                _ => 0,
+            };
         } else if turned.abs() >= TURN_MDEG {
             *since = now;
             self.follows = is_taken;

@@ -200,6 +200,19 @@ fn a_slope_at_its_limit_is_no_other_unit() {
 }
 
 #[test]
+fn turns_that_ended_at_a_limit_in_their_first_tenth_were_in_another_unit() {
+    let node = Node {
+        limit_mdeg: 45_000,
+        ..Node::of(10)
+    };
+    let mut bus = Bus::new();
+    for x in [44_800, 46_850, 44_800, 46_850] {
+        bus.round(&node, [x, 0]);
+    }
+    assert_eq!(bus.found(), 0);
+}
+
+#[test]
 fn half_a_turn_the_other_way_round_is_no_other_unit() {
     let node = Node::of(10);
     let mut bus = Bus::new();
