@@ -8,6 +8,7 @@
 
 use std::time::Duration;
 
+use device::calibration::motor::Command;
 use tilt::chain::Correction;
 use tilt::table::Rule;
 
@@ -16,7 +17,7 @@ use super::finish::NODES;
 use super::fit::{self, Fitted, Stand};
 use super::motor::{Axis, Motor};
 use super::reading::Reading;
-use super::session::{FINISH, Session, encode};
+use super::session::{Session, encode};
 
 /// Settling after the motor has stopped, s: that of the filter, and of what rings.
 const SETTLE_S: f64 = 0.4;
@@ -60,11 +61,6 @@ pub fn between_points_deg(correction: &Correction, step_deg: f64) -> f64 {
         }
     }
 }
-
-/// Commands of 2060h sub 1.
-const START_X: u8 = 1;
-const START_Y: u8 = 2;
-const ABANDON: u8 = 4;
 
 /// What the nodes of an instrument are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -215,7 +211,7 @@ impl Bench<'_> {
         let nodes = self.session.nodes.len();
         let mut found = Vec::new();
         let made = (|| {
-            for (axis, command) in [(Axis::X, START_X), (Axis::Y, START_Y)] {
+            for (axis, command) in [(Axis::X, Command::StartX), (Axis::Y, Command::StartY)] {
                 (0..nodes).try_for_each(|place| self.session.run_command(place, command))?;
                 for deg in Kind::Tables.angles(step) {
                     let stand = self.stand(Kind::Tables, axis, deg)?;
@@ -228,14 +224,14 @@ impl Bench<'_> {
             }
             for place in 0..nodes {
                 self.session.nodes[place].changed = true;
-                self.session.run_command(place, FINISH)?;
+                self.session.run_command(place, Command::Finish)?;
             }
             Ok(())
         })();
         if made.is_err() {
             for place in 0..nodes {
                 // A node without an open run refuses, which is as well.
-                let _ = self.session.run_command(place, ABANDON);
+                let _ = self.session.run_command(place, Command::Abandon);
             }
         }
         made.map(|()| found)

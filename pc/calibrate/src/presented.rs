@@ -6,11 +6,10 @@
 //!
 //! Left out: changing any of it, which `plumb zero` and `plumb set` do.
 
-use bus_master::sdo::{Client, SdoError};
+use bus_master::fault::Fault;
+use bus_master::node::Node;
 use device::profile::{Parameter, Slope};
 use serde::Serialize;
-
-use crate::error::CalibrateError;
 
 /// Slopes X and Y, by the index of the 32-bit object.
 const SLOPES: [(&str, u16); 2] = [("X", 0x6110), ("Y", 0x6120)];
@@ -40,15 +39,15 @@ impl Presented {
 /// The slopes of a node that do not read as measured.
 ///
 /// Errors: a node that does not answer.
-pub fn of(client: &mut Client<'_>) -> Result<Vec<Presented>, CalibrateError> {
-    let unit_deg = f64::from(number(client, 0x6000)?.unwrap_or(10)) / 1000.0;
+pub fn of(node: &mut Node<'_>) -> Result<Vec<Presented>, Fault> {
+    let unit_deg = f64::from(node.number(0x6000, 0)?.unwrap_or(10)) / 1000.0;
     let mut all = Vec::new();
     for (name, index) in SLOPES {
         let mut slope = Slope::new();
         for distance in [1, 3, 4] {
-            let parameter = Parameter::new(distance);
-            if let Some((parameter, read)) = parameter.zip(number(client, index + distance)?) {
-                slope.load(parameter, read);
+            let read = node.number(index + distance, 0)?;
+            if let Some((parameter, read)) = Parameter::new(distance).zip(read) {
+                slope.load(parameter, read.cast_signed());
             }
         }
         if slope.is_inverted() || slope.shift() != 0 {
@@ -60,15 +59,6 @@ pub fn of(client: &mut Client<'_>) -> Result<Vec<Presented>, CalibrateError> {
         }
     }
     Ok(all)
-}
-
-/// A number with a sign; `None` where the node has no such object.
-fn number(client: &mut Client<'_>, index: u16) -> Result<Option<i32>, CalibrateError> {
-    match client.read_u32(index, 0) {
-        Ok(number) => Ok(Some(number.cast_signed())),
-        Err(SdoError::Refused(..)) => Ok(None),
-        Err(error) => Err(error.into()),
-    }
 }
 
 #[cfg(test)]

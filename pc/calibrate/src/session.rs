@@ -13,6 +13,7 @@ use std::time::{Duration, Instant};
 
 use canopen::object::Abort;
 use device::calibration::encoding::{decode_into, identity, length, read_at};
+use device::calibration::motor;
 use device::objects::table::Channel;
 use tilt::angle::Axes;
 use tilt::chain::{Calibration, Correction};
@@ -40,9 +41,6 @@ const LOOK: (Duration, Duration) = (Duration::from_millis(2), Duration::from_mil
 /// Samples behind a new calibration after which a node does not begin to count anew: in the paper's
 /// mode they take 0.2 s, else 0.03 s.
 const GOES_ON: u32 = 12;
-
-/// 2060h sub 1: both tables are stored and in force.
-pub const FINISH: u8 = 3;
 
 /// Angle of one step of 2010h, deg.
 const ANGLE_STEP: f64 = 360.0 / 16_777_216.0;
@@ -256,7 +254,7 @@ impl Session {
             bytes,
             calibration,
             hash: hash_of(&mut self.bus, id)?,
-            presented: presented::of(&mut self.client(id))?,
+            presented: presented::of(&mut node::Node::new(&mut self.bus, id))?,
             heartbeat: (producer_ms != 0).then(|| Duration::from_millis(producer_ms.into())),
             period_s: f64::from(period) / 256e6,
             changed: false,
@@ -634,14 +632,17 @@ impl Session {
     /// 2060h sub 1: a command of the motor's run.
     ///
     /// Errors: a refusal.
-    pub fn run_command(&mut self, place: usize, command: u8) -> Result<(), CalibrateError> {
+    pub fn run_command(
+        &mut self,
+        place: usize,
+        command: motor::Command,
+    ) -> Result<(), CalibrateError> {
         let id = self.nodes[place].id;
-        let before = self.client(id).read_u32(0x2032, 0)?;
-        Client::patient(&mut self.bus, id).download(0x2060, 1, &[command])?;
-        match command {
-            FINISH => self.await_new_count(place, before),
-            _ => Ok(()),
-        }
+        let finishes = command == motor::Command::Finish;
+        let before = finishes.then(|| self.client(id).read_u32(0x2032, 0));
+        let before = before.transpose()?;
+        Client::patient(&mut self.bus, id).download(0x2060, 1, &[command as u8])?;
+        before.map_or(Ok(()), |before| self.await_new_count(place, before))
     }
 
     /// With a new calibration a node sets its sensor up anew, and counts samples from 0. What 2032h

@@ -130,10 +130,9 @@ impl Unit {
             *since = now;
             self.follows = false;
             // As at a limit, into which a slope may turn by any part.
-            self.against = match self.against {
-                TURNS => TURNS,
-                _ => 0,
-            };
+            if self.against < TURNS {
+                self.against = 0;
+            }
         } else if turned.abs() >= TURN_MDEG {
             *since = now;
             self.follows = is_taken;

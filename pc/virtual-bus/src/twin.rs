@@ -124,11 +124,12 @@ impl Twin {
     /// Errors: as [`run_until`](Self::run_until).
     pub fn go_on(&mut self, wait: Wait, piece_ns: u64) -> Result<bool, WordError> {
         let end_ns = wait.end_ns.min(self.now_ns().saturating_add(piece_ns));
-        while self.now_ns() < end_ns && !(wait.still && self.stage.is_still()) {
+        let stands = |twin: &Self| wait.still && twin.stage.is_still();
+        while self.now_ns() < end_ns && !stands(self) {
             let step_ns = if wait.still { LOOK_NS } else { piece_ns };
             self.run_until(end_ns.min(self.now_ns().saturating_add(step_ns)))?;
         }
-        Ok(self.now_ns() >= wait.end_ns || (wait.still && self.stage.is_still()))
+        Ok(self.now_ns() >= wait.end_ns || stands(self))
     }
 
     /// True when one more frame of this client can be taken.

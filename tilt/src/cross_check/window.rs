@@ -104,6 +104,7 @@ impl WindowCheck {
     }
 
     pub(super) fn exceeds(&self, own: &One, peer: &One) -> bool {
+        // What one of the two does not measure can't be compared.
         if own.is_ok() != peer.is_ok() {
             return true;
         }
