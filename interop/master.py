@@ -68,7 +68,7 @@ class Plumb:
             text=True,
             bufsize=1,
         )
-        self.lines: queue.Queue[str] = queue.Queue()
+        self.lines: queue.Queue[str | None] = queue.Queue()
         threading.Thread(target=self._read, daemon=True).start()
         self.ready = self.printed("serving ", 60)
         self.port = int(re.search(r"socketcand [\d.]+:(\d+)", self.ready)[1])
@@ -80,6 +80,7 @@ class Plumb:
     def _read(self) -> None:
         for line in self.process.stdout:
             self.lines.put(line.rstrip())
+        self.lines.put(None)
 
     def printed(self, what: str, timeout: float = 10) -> str:
         """The next printed line with `what` in it."""
@@ -89,6 +90,9 @@ class Plumb:
                 line = self.lines.get(timeout=max(end - time.monotonic(), 0.001))
             except queue.Empty:
                 raise AssertionError(f"plumb never printed {what!r}") from None
+            if line is None:
+                self.lines.put(None)
+                raise AssertionError(f"plumb ended before it printed {what!r}")
             if what in line:
                 return line
 

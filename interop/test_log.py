@@ -184,7 +184,9 @@ def test_times_and_syncs_of_an_event_are_the_nodes_own(plumb: Plumb, pair: Maste
     break_b(plumb, pair)
     (event,) = read_log(pair, 1)
     assert before < event.sync < pair.read(1, 0x2026, 1)
-    assert abs(event.at_ms - pair.read(1, 0x2027, 3)) <= 25, "when the verdict came"
+    # The verdict came with the event, and has another reason since the lost set-up was seen.
+    later_ms = pair.read(1, 0x2027, 3) - event.at_ms
+    assert 0 <= later_ms <= 3 * PERIOD_US // 1000, "when the verdict came"
 
 
 def test_by_segments_it_is_the_same_as_by_blocks(plumb: Plumb, pair: Master) -> None:
