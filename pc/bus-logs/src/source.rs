@@ -248,7 +248,7 @@ impl Source {
             None => Input::open(&log.path, self.task.clone())
                 .map_err(|why| cannot_read(&log.path, why))?,
         };
-        let name = self.files.get(log.file).cloned().unwrap_or_default();
+        let name = self.name(log.file);
         let mut reader = Reader::new(name, log.file, input, log.kind, shift_ns);
         let overlaps = !self.open.is_empty();
         if let Some(head) = reader.next(&mut self.interfaces, &mut self.skipped)? {
@@ -288,13 +288,16 @@ impl Source {
     /// What is missing of the logs, to be told when all that is there has been used; `None` when
     /// nothing is.
     pub fn incomplete(&self) -> Option<LogError> {
-        let name = |file: usize| self.files.get(file).cloned().unwrap_or_default();
         let unread = self.skipped.unread();
-        let damaged = self.skipped.damaged.first().map(|(file, _)| name(*file));
+        let damaged = self
+            .skipped
+            .damaged
+            .first()
+            .map(|(file, _)| self.name(*file));
         let is_whole = unread.count == 0 && damaged.is_none();
         (!is_whole).then(|| LogError::Incomplete {
             lines: unread.count,
-            first: (name(unread.file), unread.line),
+            first: (self.name(unread.file), unread.line),
             damaged,
         })
     }
@@ -307,6 +310,11 @@ impl Source {
     /// The logs, by the places that [`Skipped`] tells.
     pub fn files(&self) -> &[String] {
         &self.files
+    }
+
+    /// The name of the log at this place.
+    pub fn name(&self, place: usize) -> String {
+        self.files.get(place).cloned().unwrap_or_default()
     }
 
     /// Frames given so far.

@@ -76,24 +76,26 @@ pub fn read(
 
 /// What of the logs was read so far, and what was skipped in them.
 pub fn logs_report(source: &Source) -> LogsReport {
-    let files = source.files();
-    let name = |place: usize| files.get(place).cloned().unwrap_or_default();
     let skipped = source.skipped();
     let kinds = skipped.kinds().map(|(kind, tally)| Skipped {
         reason: kind.words().to_owned(),
         count: tally.count,
-        file: name(tally.file),
+        file: source.name(tally.file),
         first_line: tally.line,
     });
     let damaged = skipped.damaged.iter();
-    let damaged = damaged.map(|(place, how)| format!("{}: {}", name(*place), how.words()));
+    let damaged = damaged.map(|(place, how)| format!("{}: {}", source.name(*place), how.words()));
     LogsReport {
-        files: files.to_vec(),
+        files: source.files().to_vec(),
         frames: source.frames(),
         skipped: kinds.collect(),
         damaged: damaged.collect(),
         not_logs: skipped.not_logs.clone(),
         overlapping: skipped.overlapping,
-        undated: skipped.undated.iter().map(|place| name(*place)).collect(),
+        undated: skipped
+            .undated
+            .iter()
+            .map(|place| source.name(*place))
+            .collect(),
     }
 }

@@ -1,69 +1,93 @@
 //! Nodes that are no inclinometers of this kind, by their data sheets.
 //!
-//! In: devices and frames. Out: for each signal how often it was seen, its extremes and its latest
-//! value; which signals a frame carries.
+//! In: devices and frames. Out: for each device its signals, how often each was seen and its
+//! extremes, as text and JSON of the logs have them; which signals a frame carries.
 
 use canopen::Frame;
+use serde::Serialize;
 
-use listen::eds::{Device, Pdo, Signal};
+use listen::eds::{Device, Signal};
 
 /// A signal over time.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Range {
+#[derive(Clone, Debug, Serialize)]
+pub struct SignalTotal {
+    /// Its name.
+    pub name: String,
+    /// Identifier of its PDO.
+    pub cob_id: u16,
     /// How often it was seen.
     pub count: u64,
-    /// The smallest value.
-    pub min: f64,
+    /// The smallest value, in the device's own unit.
+    pub min: Option<f64>,
     /// The largest value.
-    pub max: f64,
+    pub max: Option<f64>,
 }
 
-impl Range {
+impl SignalTotal {
     fn add(&mut self, value: f64) {
-        if self.count == 0 {
-            (self.min, self.max) = (value, value);
-        }
-        (self.min, self.max) = (self.min.min(value), self.max.max(value));
+        self.min = Some(self.min.map_or(value, |min| min.min(value)));
+        self.max = Some(self.max.map_or(value, |max| max.max(value)));
         self.count += 1;
     }
+}
+
+/// A node with a data sheet, and what was seen of it.
+#[derive(Clone, Debug, Serialize)]
+pub struct Seen {
+    /// The node.
+    #[serde(flatten)]
+    pub device: Device,
+    /// Frames whose length is not that of their PDO.
+    pub wrong_length: u64,
+    /// Its signals in the order of the PDOs; none of an instrument, which has its own place.
+    pub signals: Vec<SignalTotal>,
 }
 
 /// All devices with a data sheet.
 #[derive(Clone, Debug)]
 pub struct Foreign {
-    devices: Vec<Device>,
-    /// Identifier, device and PDO, of those that are no inclinometers.
-    pdos: Vec<(u16, usize, usize)>,
-    /// By device, PDO and signal.
-    ranges: Vec<Vec<Vec<Range>>>,
-    /// Frames of a length that their PDO hasn't.
-    wrong_length: Vec<u64>,
+    seen: Vec<Seen>,
+    /// Identifier, device, PDO and the first of its signals, of those that are no inclinometers.
+    pdos: Vec<(u16, usize, usize, usize)>,
 }
 
 impl Foreign {
     /// Nothing seen yet.
     pub fn new(devices: Vec<Device>) -> Self {
         let mut pdos = Vec::new();
-        for (number, device) in devices.iter().enumerate() {
-            if device.is_inclinometer() {
-                continue;
+        let seen = (0..).zip(devices).map(|(number, device)| {
+            let mut signals = Vec::new();
+            let own = device.pdos.iter().filter(|_| !device.is_inclinometer());
+            for (place, pdo) in own.enumerate() {
+                pdos.push((pdo.cob_id, number, place, signals.len()));
+                signals.extend(pdo.signals.iter().map(|signal| SignalTotal {
+                    name: signal.name.clone(),
+                    cob_id: pdo.cob_id,
+                    count: 0,
+                    min: None,
+                    max: None,
+                }));
             }
-            let own = device.pdos.iter().enumerate();
-            pdos.extend(own.map(|(place, pdo)| (pdo.cob_id, number, place)));
-        }
-        let of_pdo = |pdo: &Pdo| vec![Range::default(); pdo.signals.len()];
-        let of_device = |device: &Device| device.pdos.iter().map(of_pdo).collect();
+            Seen {
+                device,
+                wrong_length: 0,
+                signals,
+            }
+        });
         Self {
-            ranges: devices.iter().map(of_device).collect(),
-            wrong_length: vec![0; devices.len()],
-            devices,
+            seen: seen.collect(),
             pdos,
         }
     }
 
-    /// The devices.
-    pub fn devices(&self) -> &[Device] {
-        &self.devices
+    /// What was seen of each device.
+    pub fn into_seen(self) -> Vec<Seen> {
+        self.seen
+    }
+
+    /// The device of this place.
+    pub fn device(&self, place: usize) -> Option<&Device> {
+        self.seen.get(place).map(|seen| &seen.device)
     }
 
     /// True when there is none, as nearly always.
@@ -73,54 +97,34 @@ impl Foreign {
 
     /// Device and PDO of a frame; `None` when it is of none of them, or of another length.
     pub fn find(&self, frame: &Frame) -> Option<(usize, usize)> {
-        let (device, pdo) = self.at(frame)?;
-        let signals = &self.devices.get(device)?.pdos.get(pdo)?.signals;
+        let (device, pdo, _) = self.at(frame)?;
+        let signals = &self.device(device)?.pdos.get(pdo)?.signals;
         fits(signals, frame).then_some((device, pdo))
     }
 
-    fn at(&self, frame: &Frame) -> Option<(usize, usize)> {
+    fn at(&self, frame: &Frame) -> Option<(usize, usize, usize)> {
         let cob_id = frame.cob_id().filter(|_| !frame.is_remote())?;
         let found = self.pdos.iter().find(|(id, ..)| *id == cob_id)?;
-        Some((found.1, found.2))
+        Some((found.1, found.2, found.3))
     }
 
     /// Takes a frame.
     pub fn take(&mut self, frame: &Frame) {
-        let Some((device, pdo)) = self.at(frame) else {
+        let Some((device, pdo, first)) = self.at(frame) else {
             return;
         };
-        let signals = self.devices.get(device).and_then(|d| d.pdos.get(pdo));
-        let Some(signals) = signals.map(|pdo| &pdo.signals) else {
+        let Some(seen) = self.seen.get_mut(device) else {
             return;
         };
-        if !fits(signals, frame) {
-            if let Some(count) = self.wrong_length.get_mut(device) {
-                *count += 1;
-            }
+        let Some(pdo) = seen.device.pdos.get(pdo) else {
+            return;
+        };
+        if !fits(&pdo.signals, frame) {
+            seen.wrong_length += 1;
             return;
         }
-        let ranges = self.ranges.get_mut(device).and_then(|d| d.get_mut(pdo));
-        let both = ranges.into_iter().flatten().zip(signals);
-        both.for_each(|(range, signal)| range.add(signal.value(frame.padded())));
-    }
-
-    /// Signals of a device with what was seen of them.
-    pub fn seen(&self, device: usize) -> impl Iterator<Item = (&Pdo, &Signal, &Range)> {
-        let pdos = self
-            .devices
-            .get(device)
-            .map(|device| device.pdos.as_slice());
-        let ranges = self.ranges.get(device).map(Vec::as_slice);
-        let both = pdos.unwrap_or(&[]).iter().zip(ranges.unwrap_or(&[]));
-        both.flat_map(|(pdo, ranges)| {
-            let signals = pdo.signals.iter().zip(ranges);
-            signals.map(move |(signal, range)| (pdo, signal, range))
-        })
-    }
-
-    /// Frames of a device whose length is not that of their PDO.
-    pub fn wrong_length(&self, device: usize) -> u64 {
-        self.wrong_length.get(device).copied().unwrap_or(0)
+        let both = seen.signals.iter_mut().skip(first).zip(&pdo.signals);
+        both.for_each(|(total, signal)| total.add(signal.value(frame.padded())));
     }
 }
 

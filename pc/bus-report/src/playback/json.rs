@@ -5,16 +5,19 @@
 use serde::Serialize;
 
 use super::export::Exported;
-use super::foreign::Foreign;
+use super::foreign::Seen;
 use super::summary::Summary;
 use crate::totals::{ChannelSummary, Collected, Instrument, Last, Tally};
-use bus_logs::{Skipped, Source, Tally as Lines};
+use bus_logs::{Source, Tally as Lines};
 use codes::words;
 
 /// Name of the format, the field `format`.
 pub const FORMAT: &str = "plumb-log";
 /// Version of the format. It rises when a field changes its meaning or goes away.
 pub const VERSION: u32 = 2;
+
+/// What is counted of frames that are used all the same.
+const BACKWARDS: &str = "frames older than the one before";
 
 /// All of it.
 #[derive(Debug, Serialize)]
@@ -44,52 +47,9 @@ pub struct Report {
     /// What each interface has shown.
     pub interfaces: Vec<InterfaceJson>,
     /// Nodes with a data sheet.
-    pub devices: Vec<DeviceJson>,
+    pub devices: Vec<Seen>,
     /// The table that was written.
     pub export: Option<Exported>,
-}
-
-/// A node with a data sheet.
-#[derive(Debug, Serialize)]
-pub struct DeviceJson {
-    /// The data sheet.
-    pub file: String,
-    /// Its product.
-    pub product: String,
-    /// The node.
-    pub node_id: u8,
-    /// What was odd about the sheet, the first hundred.
-    pub warnings: Vec<WarningJson>,
-    /// How much was odd.
-    pub warning_count: u64,
-    /// Frames whose length is not that of their PDO.
-    pub wrong_length: u64,
-    /// What was seen of each of its signals; none of an instrument, which has its own place.
-    pub signals: Vec<SignalJson>,
-}
-
-/// Something odd.
-#[derive(Debug, Serialize)]
-pub struct WarningJson {
-    /// The line, counted from 1.
-    pub line: u32,
-    /// What.
-    pub text: String,
-}
-
-/// A signal of another node.
-#[derive(Debug, Serialize)]
-pub struct SignalJson {
-    /// Its name.
-    pub name: String,
-    /// Identifier of its PDO.
-    pub cob_id: u16,
-    /// How often it was seen.
-    pub count: u64,
-    /// The smallest value, in the device's own unit.
-    pub min: Option<f64>,
-    /// The largest value.
-    pub max: Option<f64>,
 }
 
 /// Lines of a kind.
@@ -269,41 +229,30 @@ impl Report {
     /// Of all that was read.
     pub fn new(summary: Summary, source: &Source) -> Self {
         let (foreign, buses) = summary.finish();
-        let skipped = source.skipped();
-        let name = |file: usize| source.files().get(file).cloned().unwrap_or_default();
-        let tally = |kind, words, tally: Lines| SkippedJson {
-            kind,
-            words,
-            count: tally.count,
-            first_file: name(tally.file),
-            first_line: tally.line,
-        };
+        let all = source.skipped();
+        let kinds = all.kinds();
+        let damaged = all.damaged.iter();
         Self {
             format: FORMAT,
             version: VERSION,
             files: source.files().to_vec(),
             frames: source.frames(),
-            skipped: kinds(skipped, tally),
-            backwards: (skipped.backwards.count > 0).then(|| {
-                tally(
-                    "backwards",
-                    "frames older than the one before",
-                    skipped.backwards,
-                )
-            }),
-            damaged: skipped
-                .damaged
-                .iter()
+            skipped: kinds
+                .map(|(kind, lines)| skipped(source, kind.name(), kind.words(), lines))
+                .collect(),
+            backwards: (all.backwards.count > 0)
+                .then(|| skipped(source, "backwards", BACKWARDS, all.backwards)),
+            damaged: damaged
                 .map(|(file, damage)| DamagedJson {
-                    file: name(*file),
+                    file: source.name(*file),
                     why: damage.words(),
                 })
                 .collect(),
-            not_logs: skipped.not_logs.clone(),
-            overlapping_files: skipped.overlapping,
-            undated_files: skipped.undated.iter().map(|file| name(*file)).collect(),
+            not_logs: all.not_logs.clone(),
+            overlapping_files: all.overlapping,
+            undated_files: all.undated.iter().map(|file| source.name(*file)).collect(),
             outside: 0,
-            devices: devices(&foreign),
+            devices: foreign.into_seen(),
             export: None,
             interfaces: buses
                 .iter()
@@ -313,51 +262,14 @@ impl Report {
     }
 }
 
-fn devices(foreign: &Foreign) -> Vec<DeviceJson> {
-    let all = foreign.devices().iter().enumerate();
-    all.map(|(place, device)| DeviceJson {
-        file: device.file.clone(),
-        product: device.product.clone(),
-        node_id: device.node_id,
-        warnings: device
-            .warnings
-            .iter()
-            .map(|warning| WarningJson {
-                line: warning.line,
-                text: warning.what.to_string(),
-            })
-            .collect(),
-        warning_count: device.warning_count,
-        wrong_length: foreign.wrong_length(place),
-        signals: if device.is_inclinometer() {
-            Vec::new()
-        } else {
-            signals(foreign, place)
-        },
-    })
-    .collect()
-}
-
-fn signals(foreign: &Foreign, place: usize) -> Vec<SignalJson> {
-    let all = foreign.seen(place);
-    all.map(|(pdo, signal, range)| SignalJson {
-        name: signal.name.clone(),
-        cob_id: pdo.cob_id,
-        count: range.count,
-        min: (range.count > 0).then_some(range.min),
-        max: (range.count > 0).then_some(range.max),
-    })
-    .collect()
-}
-
-fn kinds(
-    skipped: &Skipped,
-    tally: impl Fn(&'static str, &'static str, Lines) -> SkippedJson,
-) -> Vec<SkippedJson> {
-    skipped
-        .kinds()
-        .map(|(kind, count)| tally(kind.name(), kind.words(), count))
-        .collect()
+fn skipped(source: &Source, kind: &'static str, words: &'static str, of: Lines) -> SkippedJson {
+    SkippedJson {
+        kind,
+        words,
+        count: of.count,
+        first_file: source.name(of.file),
+        first_line: of.line,
+    }
 }
 
 fn interface(name: Option<&String>, bus: &Collected) -> InterfaceJson {

@@ -55,7 +55,7 @@ impl Rows {
         let (node_id, message, values) = match (known, other) {
             (Some(known), _) => known,
             (None, Some((device, _))) => {
-                let node_id = foreign.devices().get(device).map(|device| device.node_id);
+                let node_id = foreign.device(device).map(|device| device.node_id);
                 (node_id.unwrap_or(0), "pdo", [None; COLUMNS.len()])
             }
             (None, None) => return None,
@@ -77,9 +77,8 @@ impl Rows {
 
     fn fill(&mut self, logged: &Logged, foreign: &Foreign, device: usize, pdo: usize) {
         let first = self.places.get(device).and_then(|pdos| pdos.get(pdo));
-        let signals = foreign.devices().get(device);
-        let signals = signals.and_then(|device| device.pdos.get(pdo));
-        if let (Some(first), Some(pdo)) = (first, signals) {
+        let pdo = foreign.device(device).and_then(|one| one.pdos.get(pdo));
+        if let (Some(first), Some(pdo)) = (first, pdo) {
             let places = self.extra.iter_mut().skip(*first);
             let both = places.zip(&pdo.signals);
             both.for_each(|(place, signal)| *place = Some(signal.value(logged.frame.padded())));

@@ -4,9 +4,8 @@
 
 use std::fmt::Write as _;
 
-use super::json::{
-    DeviceJson, InstrumentJson, InterfaceJson, NodeJson, Report, SkippedJson, SpreadJson,
-};
+use super::foreign::Seen;
+use super::json::{InstrumentJson, InterfaceJson, NodeJson, Report, SkippedJson, SpreadJson};
 use bus_logs::text_utc;
 use output::{plural, printable};
 
@@ -72,10 +71,11 @@ pub fn of(report: &Report) -> String {
     text
 }
 
-fn about_device(text: &mut String, device: &DeviceJson) {
+fn about_device(text: &mut String, seen: &Seen) {
+    let device = &seen.device;
     let (product, file) = (printable(&device.product), printable(&device.file));
     let _ = writeln!(text, "\nnode {}: {product}, by {file}", device.node_id);
-    for signal in &device.signals {
+    for signal in &seen.signals {
         let name = printable(&signal.name);
         let _ = match (signal.min, signal.max) {
             (Some(min), Some(max)) => {
@@ -84,11 +84,11 @@ fn about_device(text: &mut String, device: &DeviceJson) {
             _ => writeln!(text, "    {name}: not seen"),
         };
     }
-    if device.wrong_length > 0 {
+    if seen.wrong_length > 0 {
         let _ = writeln!(
             text,
             "    frames too short for their PDO: {}",
-            device.wrong_length
+            seen.wrong_length
         );
     }
     for warning in &device.warnings {
@@ -96,7 +96,7 @@ fn about_device(text: &mut String, device: &DeviceJson) {
             text,
             "    {file} line {}: {}",
             warning.line,
-            printable(&warning.text)
+            printable(&warning.what.to_string())
         );
     }
 }

@@ -3,14 +3,16 @@
 //! In: a [`Sheet`] and a node-id. Out: [`Device`]: its PDOs with the signals in them, and what
 //! `watch` needs of an instrument.
 
+use serde::Serialize;
+
 use super::sheet::{Oddity, Sheet, Warning};
 use crate::{NodePlan, PdoPlan, What};
 
 /// PDOs that a node may send (CiA 301).
 const MOST_PDOS: u16 = 512;
 
-/// A node as its data sheet has it.
-#[derive(Clone, Debug, PartialEq, Eq)]
+/// A node as its data sheet has it; in JSON without what it sends.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Device {
     /// The file.
     pub file: String,
@@ -19,11 +21,13 @@ pub struct Device {
     /// Its node-id.
     pub node_id: u8,
     /// What it sends.
+    #[serde(skip)]
     pub pdos: Vec<Pdo>,
     /// What was odd about the sheet.
     pub warnings: Vec<Warning>,
     /// How much.
     pub warning_count: u64,
+    #[serde(skip)]
     plan: NodePlan,
 }
 

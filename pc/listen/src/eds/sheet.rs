@@ -5,6 +5,8 @@
 
 use std::collections::BTreeMap;
 
+use serde::{Serialize, Serializer};
+
 use super::ini::{self, Line};
 use super::number::{self, Form, Number};
 
@@ -34,12 +36,17 @@ impl Object {
 }
 
 /// Something that is not as it should be.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Warning {
     /// Its line, counted from 1.
     pub line: u32,
-    /// What.
+    /// What; a sentence in JSON.
+    #[serde(rename = "text", serialize_with = "in_words")]
     pub what: Oddity,
+}
+
+fn in_words<S: Serializer>(what: &Oddity, into: S) -> Result<S::Ok, S::Error> {
+    into.collect_str(what)
 }
 
 /// What can be odd about a sheet.
