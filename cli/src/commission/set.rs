@@ -137,8 +137,7 @@ fn resolution(
     if !may_stop || !depends || node.state()? != Some(Ok(State::Stopped)) {
         return Ok(node.resolution(named)?);
     }
-    let read: Result<_, Option<Fault>> = node.set_up(true, |node| node.resolution(named));
-    Ok(read.map_err(|fault| fault.unwrap_or(Fault::Interrupted))?)
+    Ok(node.set_up_stopped(|node| node.resolution(named))?)
 }
 
 fn write(
@@ -150,9 +149,7 @@ fn write(
 ) -> Result<Written, CommissionError> {
     let write = |node: &mut Node| write_here(node, named, row, number);
     let written = match may_stop {
-        true => node
-            .set_up(true, write)
-            .map_err(|error| error.unwrap_or(Fault::Interrupted.into())),
+        true => node.set_up_stopped(write),
         false => write(node),
     };
     let is_left = node.is_left;

@@ -6,9 +6,9 @@ use std::path::PathBuf;
 use canopen::object::Abort;
 
 use super::version::version;
-use bus_master::JoinError;
 use bus_master::diagnosis::Silence;
 use bus_master::sdo::SdoError;
+use bus_master::{BusEnd, JoinError};
 use flash::image::ImageError;
 
 /// Why an update ended before every node ran the new program.
@@ -30,12 +30,9 @@ pub enum UpdateError {
     /// The bus can't be joined.
     #[error("{0}")]
     Join(JoinError),
-    /// The bus was lost.
-    #[error("the bus is lost: {0}; {AGAIN}")]
-    Lost(io::Error),
-    /// The user has ended it.
-    #[error("interrupted; {AGAIN}")]
-    Interrupted,
+    /// The bus can be used no longer.
+    #[error("{0}; {AGAIN}")]
+    Bus(#[from] BusEnd),
     /// A node is named twice.
     #[error("node {0} is named twice")]
     Twice(u8),
@@ -121,14 +118,6 @@ pub enum UpdateError {
 }
 
 impl UpdateError {
-    /// What it means that the bus could not be read or written.
-    pub fn lost(error: io::Error) -> Self {
-        match error.kind() {
-            io::ErrorKind::Interrupted => Self::Interrupted,
-            _ => Self::Lost(error),
-        }
-    }
-
     /// Whether the work was done and the node would not have it: exit status 1.
     pub const fn is_verdict(&self) -> bool {
         matches!(
@@ -141,8 +130,8 @@ impl UpdateError {
 impl From<SdoError> for UpdateError {
     fn from(error: SdoError) -> Self {
         match error {
-            SdoError::Lost(error) => Self::Lost(error),
-            SdoError::Interrupted | SdoError::Behind(..) => Self::Interrupted,
+            SdoError::Bus(end) => Self::Bus(end),
+            SdoError::Behind(..) => Self::Bus(BusEnd::Interrupted),
             // The same command finds out what the node has taken.
             SdoError::Amid(why, ..) => Self::from(*why),
             SdoError::Silent(node, ..) | SdoError::Unanswered(node, ..) => Self::Silent(node),

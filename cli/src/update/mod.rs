@@ -31,7 +31,7 @@ use bus_master::nmt::{self, Command, State, Told as Heard};
 use bus_master::node::Node;
 use bus_master::nodes;
 use bus_master::sdo::Client;
-use bus_master::{Bus, BusOptions};
+use bus_master::{Bus, BusEnd, BusOptions};
 pub use error::UpdateError;
 use file::Image;
 use output::progress::Progress;
@@ -132,8 +132,8 @@ fn update(arguments: &Arguments, progress: &Progress) -> Result<(), UpdateError>
         let asked = match Renewal::of(&mut bus, *node).plan(&images) {
             // Nothing has begun yet, so there is time to find out why.
             Err(UpdateError::Silent(node)) => {
-                let why = diagnosis::silence(&mut bus, Some(node));
-                Err(why.map_or_else(UpdateError::lost, UpdateError::NotThere))
+                let why = diagnosis::silence(&mut bus, Some(node)).map_err(BusEnd::from)?;
+                Err(UpdateError::NotThere(why))
             }
             asked => asked,
         };
@@ -231,7 +231,7 @@ impl<'a> Renewal<'a> {
     }
 
     fn command(&mut self, command: Command) -> Result<(), UpdateError> {
-        nmt::command(self.0.bus, command, self.0.id).map_err(UpdateError::lost)
+        Ok(nmt::command(self.0.bus, command, self.0.id).map_err(BusEnd::from)?)
     }
 
     /// What this node needs of these images. Nothing is changed.
@@ -480,7 +480,7 @@ impl<'a> Renewal<'a> {
 
     /// The state that the node's next heartbeat tells; `None` when none comes.
     fn state(&mut self) -> Result<Option<Heard>, UpdateError> {
-        self.0.heartbeat(HEARTBEAT).map_err(UpdateError::lost)
+        Ok(self.0.heartbeat(HEARTBEAT).map_err(BusEnd::from)?)
     }
 
     /// Waits until the image is checked, for which the node goes on, and the node has restarted.

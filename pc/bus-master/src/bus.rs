@@ -53,6 +53,27 @@ enum Link {
     Kernel(kernel::Client),
 }
 
+/// Why a bus can be used no longer.
+#[derive(Debug, thiserror::Error)]
+pub enum BusEnd {
+    /// It was lost.
+    #[error("the bus is lost: {0}")]
+    Lost(io::Error),
+    /// The user has ended it.
+    #[error("interrupted")]
+    Interrupted,
+}
+
+/// What it means that the bus could not be read or written.
+impl From<io::Error> for BusEnd {
+    fn from(error: io::Error) -> Self {
+        match error.kind() {
+            io::ErrorKind::Interrupted => Self::Interrupted,
+            _ => Self::Lost(error),
+        }
+    }
+}
+
 /// A bus that was joined.
 #[derive(Debug)]
 pub struct Bus {

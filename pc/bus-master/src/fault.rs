@@ -11,7 +11,7 @@ use crate::diagnosis::{self, Silence};
 use crate::lss::LssError;
 use crate::nmt::Command;
 use crate::sdo::SdoError;
-use crate::{Bus, JoinError};
+use crate::{Bus, BusEnd, JoinError};
 
 /// Why a verb on the bus ended early.
 #[derive(Debug, thiserror::Error)]
@@ -19,12 +19,9 @@ pub enum Fault {
     /// The bus could not be joined.
     #[error("{0}")]
     Join(#[from] JoinError),
-    /// The bus was lost.
-    #[error("the bus is lost: {0}")]
-    Lost(io::Error),
-    /// The user has ended it.
-    #[error("interrupted")]
-    Interrupted,
+    /// The bus can be used no longer.
+    #[error(transparent)]
+    Bus(#[from] BusEnd),
     /// Nobody answers, and why.
     #[error("{0}")]
     Silent(Silence),
@@ -55,17 +52,13 @@ pub enum Fault {
 impl Fault {
     /// What an error of the bus means.
     pub fn bus(error: io::Error) -> Self {
-        match error.kind() {
-            io::ErrorKind::Interrupted => Self::Interrupted,
-            _ => Self::Lost(error),
-        }
+        Self::Bus(error.into())
     }
 
     /// What an error of a transfer with this node means; silence is looked into.
     pub fn sdo(bus: &mut Bus, node: u8, error: SdoError) -> Self {
         match error {
-            SdoError::Lost(error) => Self::Lost(error),
-            SdoError::Interrupted => Self::Interrupted,
+            SdoError::Bus(end) => Self::Bus(end),
             error if error.is_silence() => match diagnosis::silence(bus, Some(node)) {
                 Ok(why) if matches!(error, SdoError::Unanswered(..)) => {
                     Self::Unanswered(error, why)
@@ -103,8 +96,7 @@ const fn where_to(command: Command) -> &'static str {
 impl From<LssError> for Fault {
     fn from(error: LssError) -> Self {
         match error {
-            LssError::Lost(error) => Self::Lost(error),
-            LssError::Interrupted => Self::Interrupted,
+            LssError::Bus(end) => Self::Bus(end),
             error => Self::Lss(error),
         }
     }

@@ -26,7 +26,7 @@ mod slcan;
 mod socketcand;
 pub mod survey;
 
-pub use bus::{Bus, interrupted};
+pub use bus::{Bus, BusEnd, interrupted};
 pub use error::JoinError;
 pub use options::BusOptions;
 pub use received::{Received, Trouble, now_ns};

@@ -6,13 +6,12 @@
 //!
 //! Left out: identification by ranges, inquiries, and tables of bit timing other than CiA's.
 
-use std::io;
 use std::time::{Duration, Instant};
 
 use canopen::Frame;
 use canopen::lss::{REQUEST, RESPONSE};
 
-use super::Bus;
+use super::{Bus, BusEnd};
 
 /// Vendor-id, product code, revision number, serial number: 1018h.
 pub type Identity = [u32; 4];
@@ -52,12 +51,9 @@ const ANYBODY: u8 = 0x80;
 /// Why a service was not carried out.
 #[derive(Debug, thiserror::Error)]
 pub enum LssError {
-    /// The bus was lost.
-    #[error("the bus is lost: {0}")]
-    Lost(io::Error),
-    /// The user has ended it.
-    #[error("interrupted")]
-    Interrupted,
+    /// The bus can be used no longer.
+    #[error(transparent)]
+    Bus(#[from] BusEnd),
     /// No node answers the service of this name.
     #[error("no node answers LSS \"{0}\": is exactly one in the configuration state?")]
     Silent(&'static str),
@@ -71,16 +67,6 @@ fn refused(service: &str, error: u8, specific: u8) -> String {
         (1, _) => format!("the node refuses LSS \"{service}\": it does not support this value"),
         (2, "store") => "the node could not store: its memory failed".to_owned(),
         _ => format!("the node refuses LSS \"{service}\" with error {error} ({specific})"),
-    }
-}
-
-impl LssError {
-    /// What it means that the bus could not be read or written.
-    pub fn lost(error: io::Error) -> Self {
-        match error.kind() {
-            io::ErrorKind::Interrupted => Self::Interrupted,
-            _ => Self::Lost(error),
-        }
     }
 }
 
@@ -110,13 +96,13 @@ impl<'a> Master<'a> {
         let [a, b, c, d] = number.to_le_bytes();
         let [e, f, g] = rest;
         let frame = Frame::data_frame(REQUEST, &[specifier, a, b, c, d, e, f, g]);
-        self.bus.send(&frame).map_err(LssError::lost)
+        Ok(self.bus.send(&frame).map_err(BusEnd::from)?)
     }
 
     /// The next answer with this specifier.
     fn answer(&mut self, specifier: u8, patience: Duration) -> Result<Option<[u8; 8]>, LssError> {
         let until = Instant::now() + patience;
-        while let Some(received) = self.bus.receive(until).map_err(LssError::lost)? {
+        while let Some(received) = self.bus.receive(until).map_err(BusEnd::from)? {
             let bytes = <[u8; 8]>::try_from(received.frame.bytes());
             if received.frame.cob_id() == Some(RESPONSE)
                 && let Ok(bytes) = bytes
@@ -212,7 +198,7 @@ impl<'a> Master<'a> {
         let until = Instant::now() + DRAIN;
         let mut late = true;
         while late {
-            late = self.bus.receive(until).map_err(LssError::lost)?.is_some();
+            late = self.bus.receive(until).map_err(BusEnd::from)?.is_some();
         }
         self.send(FASTSCAN, number, rest)?;
         Ok(self.answer(IDENTIFIED, wait)?.is_some())

@@ -14,10 +14,10 @@ use std::io;
 use std::time::Duration;
 
 use super::fault::Fault;
-use crate::Bus;
 use crate::diagnosis::Silence;
 use crate::nmt::{self, Command, State, Told};
 use crate::sdo::{Client, SdoError};
+use crate::{Bus, BusEnd};
 use codes::name::Named;
 use codes::value::{self, Shown};
 
@@ -121,8 +121,7 @@ impl<'a> Node<'a> {
     pub fn number_once(&mut self, index: u16, sub: u8) -> Result<Option<u32>, Fault> {
         match self.client().read_u32(index, sub) {
             Ok(number) => Ok(Some(number)),
-            Err(SdoError::Lost(error)) => Err(Fault::bus(error)),
-            Err(SdoError::Interrupted) => Err(Fault::Interrupted),
+            Err(SdoError::Bus(end)) => Err(end.into()),
             Err(_) => Ok(None),
         }
     }
@@ -243,6 +242,18 @@ impl<'a> Node<'a> {
             _ => work(self),
         };
         done.map_err(Some)
+    }
+
+    /// The same of a node that may be stopped.
+    ///
+    /// Errors: those of `work`, [`Fault::Left`] and [`Fault::Unknown`].
+    pub fn set_up_stopped<T, E: From<Fault> + Display>(
+        &mut self,
+        work: impl FnOnce(&mut Self) -> Result<T, E>,
+    ) -> Result<T, E> {
+        let interrupted = || Fault::from(BusEnd::Interrupted).into();
+        let done = self.set_up(true, work);
+        done.map_err(|error| error.unwrap_or_else(interrupted))
     }
 
     /// Does something in PRE-OPERATIONAL, where the node stays: nothing has told its state.

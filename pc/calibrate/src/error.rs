@@ -10,10 +10,10 @@ use super::characterise::profile::ProfileError;
 use super::hand::HandError;
 use super::reading::Upset;
 use super::scpi::DeviceError;
-use bus_master::JoinError;
 use bus_master::diagnosis::Silence;
 use bus_master::fault::Fault;
 use bus_master::sdo::SdoError;
+use bus_master::{BusEnd, JoinError};
 use output::write::{NoPlace, WriteError};
 
 /// Why there is no calibration, or no temperature model.
@@ -231,13 +231,22 @@ fn joined(nodes: &[u8]) -> String {
     format!("{word} {}", nodes.join(" and "))
 }
 
+impl From<BusEnd> for CalibrateError {
+    fn from(end: BusEnd) -> Self {
+        match end {
+            BusEnd::Interrupted => Self::Interrupted,
+            BusEnd::Lost(error) => Self::Lost(error),
+        }
+    }
+}
+
 impl From<SdoError> for CalibrateError {
     fn from(error: SdoError) -> Self {
         match error {
             // The nodes are given back what they had, whether one has taken the write or not.
-            SdoError::Interrupted | SdoError::Behind(..) => Self::Interrupted,
+            SdoError::Behind(..) => Self::Interrupted,
             SdoError::Amid(why, ..) => Self::from(*why),
-            SdoError::Lost(error) => Self::Lost(error),
+            SdoError::Bus(end) => end.into(),
             error => Self::Sdo(error),
         }
     }
@@ -246,8 +255,7 @@ impl From<SdoError> for CalibrateError {
 impl From<Fault> for CalibrateError {
     fn from(fault: Fault) -> Self {
         match fault {
-            Fault::Interrupted => Self::Interrupted,
-            Fault::Lost(error) => Self::Lost(error),
+            Fault::Bus(end) => end.into(),
             Fault::Sdo(error) => error.into(),
             Fault::Silent(why) => Self::Silent(why),
             other => Self::Lost(io::Error::other(other.to_string())),
@@ -264,11 +272,6 @@ impl CalibrateError {
     /// Whether a node did not answer: it may do so later.
     pub fn is_silence(&self) -> bool {
         matches!(self, Self::Sdo(error) if error.is_silence())
-    }
-
-    /// What it means that the bus could not be read or written.
-    pub fn lost(error: io::Error) -> Self {
-        SdoError::lost(error).into()
     }
 
     /// Of two ways to do it one has to be named.

@@ -26,7 +26,7 @@ use super::turned::Log;
 use bus_master::diagnosis;
 use bus_master::nmt::{self, Command, State, Told};
 use bus_master::sdo::{Client, SdoError};
-use bus_master::{Bus, Received};
+use bus_master::{Bus, BusEnd, Received};
 use bus_master::{node, nodes};
 
 /// How long a heartbeat is waited for, beyond one and a half of its periods.
@@ -197,7 +197,7 @@ impl Session {
         }
         match diagnosis::silence(&mut self.bus, Some(id)) {
             Ok(why) => CalibrateError::Silent(why),
-            Err(lost) => CalibrateError::lost(lost),
+            Err(lost) => BusEnd::from(lost).into(),
         }
     }
 
@@ -292,7 +292,7 @@ impl Session {
     }
 
     fn command(&mut self, command: Command, id: u8) -> Result<(), CalibrateError> {
-        nmt::command(&mut self.bus, command, id).map_err(CalibrateError::lost)
+        Ok(nmt::command(&mut self.bus, command, id).map_err(BusEnd::from)?)
     }
 
     fn enter(&mut self, place: usize) -> Result<(), CalibrateError> {
@@ -385,7 +385,7 @@ impl Session {
 
     /// The next frame, with a look at what it reports of the nodes.
     fn hear(&mut self, until: Instant) -> Result<Option<Received>, CalibrateError> {
-        let received = self.bus.receive(until).map_err(CalibrateError::lost)?;
+        let received = self.bus.receive(until).map_err(BusEnd::from)?;
         if let Some((from, state)) = received.as_ref().and_then(nmt::heartbeat) {
             for node in self.nodes.iter_mut().filter(|node| node.id == from) {
                 node.upset = node.upset.or_else(|| upset(state));

@@ -10,10 +10,10 @@ use canopen::node::UNCONFIGURED;
 use serde::Serialize;
 
 use super::super::error::CommissionError;
-use bus_master::Bus;
 use bus_master::fault::Fault;
 use bus_master::lss::{Identity, LssError, Master};
 use bus_master::nmt::{self, Command};
+use bus_master::{Bus, BusEnd};
 
 /// A node on its way to its new node-id.
 #[derive(Clone, Debug, Serialize)]
@@ -109,7 +109,7 @@ fn taken_back(bus: &mut Bus, member: &Member) -> Result<bool, LssError> {
     if member.old_node.is_none() {
         // It has taken its node-id at once, and gives it away at a reset.
         let reset = nmt::command(bus, Command::ResetCommunication, member.node);
-        reset.map_err(LssError::lost)?;
+        reset.map_err(BusEnd::from)?;
     }
     Ok(is_there)
 }

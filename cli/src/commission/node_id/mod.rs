@@ -430,8 +430,7 @@ impl Work<'_> {
         };
         let id = member.node;
         let mut node = Node::new(self.bus, id);
-        let changed = node.set_up(true, |node| known::renumber(node, old));
-        let changed = changed.map_err(|error| error.unwrap_or(Fault::Interrupted.into()))?;
+        let changed = node.set_up_stopped(|node| known::renumber(node, old))?;
         if !changed.is_empty() {
             let list = changed.join(", ");
             self.say(&format!(
@@ -483,8 +482,7 @@ impl Work<'_> {
         let (a, b) = (one.node, other.node);
         for (id, peer) in [(a, b), (b, a)] {
             let mut node = Node::new(self.bus, id);
-            let told = node.set_up(true, |node| known::tell(node, peer));
-            let told = told.map_err(|error| error.unwrap_or(Fault::Interrupted.into()))?;
+            let told = node.set_up_stopped(|node| known::tell(node, peer))?;
             let told = told.join(", ");
             self.say(&format!(
                 "node {id}: the other channel is node {peer} ({told}), saved"

@@ -6,6 +6,7 @@ use canopen::crc;
 
 use super::segmented::LONGEST;
 use super::{ABORT, At, Client, PATIENCE, SOON, SdoError, TIMED_OUT, Wanted};
+use crate::BusEnd;
 
 /// Blocks of which nothing arrives before the transfer is given up.
 const TRIES: u32 = 5;
@@ -138,7 +139,7 @@ impl Client<'_> {
         // A node that sends anything for ever is not waited for.
         let end = Instant::now() + LONGEST_BLOCK;
         let mut until = Instant::now() + SOON;
-        while let Some(received) = self.bus.receive(until).map_err(SdoError::lost)? {
+        while let Some(received) = self.bus.receive(until).map_err(BusEnd::from)? {
             let bytes = <[u8; 8]>::try_from(received.frame.bytes());
             let (Some(found), Ok(bytes)) = (received.frame.cob_id(), bytes) else {
                 continue;

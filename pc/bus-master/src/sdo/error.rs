@@ -1,18 +1,15 @@
 //! Why an SDO transfer did not come to its end, and what abort codes mean (CiA 301, table 22).
 
-use std::io;
-
 use canopen::object::Abort;
+
+use crate::BusEnd;
 
 /// Why a transfer ended. Each names node and object.
 #[derive(Debug, thiserror::Error)]
 pub enum SdoError {
-    /// The bus was lost.
-    #[error("the bus is lost: {0}")]
-    Lost(io::Error),
-    /// The user has ended it.
-    #[error("interrupted")]
-    Interrupted,
+    /// The bus can be used no longer.
+    #[error(transparent)]
+    Bus(#[from] BusEnd),
     /// The node does not answer a question: node, index, sub-index.
     #[error("node {0} does not answer when asked for {a}", a = address(*.1, *.2))]
     Silent(u8, u16, u8),
@@ -51,14 +48,6 @@ pub enum SdoError {
 }
 
 impl SdoError {
-    /// What it means that the bus could not be read or written.
-    pub fn lost(error: io::Error) -> Self {
-        match error.kind() {
-            io::ErrorKind::Interrupted => Self::Interrupted,
-            _ => Self::Lost(error),
-        }
-    }
-
     /// Whether the node has refused with this abort code.
     pub const fn is_refusal(&self, abort: Abort) -> bool {
         matches!(self, Self::Refused(.., code) if *code == abort.code())

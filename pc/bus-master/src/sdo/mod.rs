@@ -23,7 +23,7 @@ use std::time::{Duration, Instant};
 
 use canopen::Frame;
 
-use super::Bus;
+use super::{Bus, BusEnd};
 pub use error::{SdoError, coded, meaning};
 
 /// How long an answer may take: erases of flash stop a node for some tenths of a second, and one
@@ -209,7 +209,7 @@ impl<'a> Client<'a> {
         let until = Instant::now() + PATIENCE;
         let mut silence = Instant::now() + SILENCE;
         self.send(at.request(ABORT, TIMED_OUT))?;
-        while let Some(received) = self.bus.receive(silence).map_err(SdoError::lost)? {
+        while let Some(received) = self.bus.receive(silence).map_err(BusEnd::from)? {
             if Instant::now() > until {
                 return Err(SdoError::Step(self.node, index, sub, "it does not end"));
             }
@@ -224,7 +224,7 @@ impl<'a> Client<'a> {
     fn send(&mut self, bytes: [u8; 8]) -> Result<(), SdoError> {
         let id = 0x600 + u16::from(self.node);
         let frame = Frame::data_frame(id, &bytes);
-        self.bus.send(&frame).map_err(SdoError::lost)
+        Ok(self.bus.send(&frame).map_err(BusEnd::from)?)
     }
 
     /// The next answer that belongs to what was asked, until then; others are late ones.
@@ -236,7 +236,7 @@ impl<'a> Client<'a> {
     ) -> Result<[u8; 8], SdoError> {
         let until = Instant::now() + patience;
         let node = u16::from(self.node);
-        while let Some(received) = self.bus.receive(until).map_err(SdoError::lost)? {
+        while let Some(received) = self.bus.receive(until).map_err(BusEnd::from)? {
             let (id, bytes) = (received.frame.cob_id(), received.frame.bytes());
             let Ok(bytes) = <[u8; 8]>::try_from(bytes) else {
                 continue;
@@ -329,13 +329,13 @@ impl<'a> Client<'a> {
         let node = self.node;
         let amid = |why| Err(SdoError::Amid(Box::new(why), node, index, sub));
         match wait(self) {
-            Err(SdoError::Interrupted) => match wait(self) {
+            Err(SdoError::Bus(BusEnd::Interrupted)) => match wait(self) {
                 Ok(_) => Err(SdoError::Behind(node, index, sub)),
-                Err(SdoError::Refused(..)) => Err(SdoError::Interrupted),
-                Err(lost @ SdoError::Lost(_)) => amid(lost),
-                Err(_) => amid(SdoError::Interrupted),
+                Err(SdoError::Refused(..)) => Err(BusEnd::Interrupted.into()),
+                Err(lost @ SdoError::Bus(BusEnd::Lost(_))) => amid(lost),
+                Err(_) => amid(BusEnd::Interrupted.into()),
             },
-            Err(lost @ SdoError::Lost(_)) => amid(lost),
+            Err(lost @ SdoError::Bus(BusEnd::Lost(_))) => amid(lost),
             answered => answered.map(drop),
         }
     }
@@ -347,7 +347,7 @@ impl<'a> Client<'a> {
         transfer: impl FnOnce(&mut Self) -> Result<(), SdoError>,
     ) -> Result<(), SdoError> {
         let done = transfer(self);
-        if let Err(SdoError::Interrupted) = done {
+        if let Err(SdoError::Bus(BusEnd::Interrupted)) = done {
             self.send(at.request(ABORT, TIMED_OUT))?;
         }
         done

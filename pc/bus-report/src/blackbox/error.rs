@@ -44,9 +44,7 @@ impl FaultsError {
     pub const fn ends_all(&self) -> bool {
         matches!(
             self,
-            Self::Bus(Fault::Join(_) | Fault::Lost(_) | Fault::Interrupted)
-                | Self::Nodes(_)
-                | Self::Write(..)
+            Self::Bus(Fault::Join(_) | Fault::Bus(_)) | Self::Nodes(_) | Self::Write(..)
         )
     }
 }
