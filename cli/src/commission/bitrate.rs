@@ -30,9 +30,6 @@ use bus_master::survey::{Survey, survey};
 /// How long is listened for who is there.
 const ASKING: Duration = Duration::from_millis(1000);
 
-/// How long a node may take to tell that it is in PRE-OPERATIONAL.
-const STOPPING: Duration = Duration::from_secs(2);
-
 /// How long nodes may take to answer at the new rate, behind both pauses.
 const BACK: Duration = Duration::from_secs(5);
 
@@ -203,11 +200,13 @@ fn change(bus: &mut Bus, rate: u16, arguments: &Arguments) -> Result<Outcome, Co
     if !arguments.stop {
         return change_these(bus, rate, arguments, &heard, &working);
     }
-    let stopped = stop(bus, &[&working[..], &halted].concat());
+    let mut heard_of = working.iter().chain(&halted);
+    let stopped = heard_of.try_for_each(|id| Node::new(bus, *id).enter_heard());
     let stopped = stopped.and_then(|()| {
         let mut unheard = unheard.iter();
-        Ok(unheard.try_for_each(|id| Node::new(bus, *id).enter_unheard())?)
+        unheard.try_for_each(|id| Node::new(bus, *id).enter_unheard())
     });
+    let stopped = stopped.map_err(CommissionError::from);
     let changed = stopped.and_then(|()| change_these(bus, rate, arguments, &heard, &[]));
     // Those that did not follow have not heard it; what went wrong before shows more.
     let working = working.iter().map(|node| (Command::Start, node));
@@ -221,15 +220,6 @@ fn change(bus: &mut Bus, rate: u16, arguments: &Arguments) -> Result<Outcome, Co
         left: unheard,
         ..changed
     })
-}
-
-/// Takes nodes to PRE-OPERATIONAL.
-fn stop(bus: &mut Bus, nodes: &[u8]) -> Result<(), CommissionError> {
-    for node in nodes {
-        nmt::command(bus, Command::EnterPreOperational, *node).map_err(Fault::bus)?;
-        nmt::wait_for(bus, *node, State::PreOperational, STOPPING).map_err(Fault::bus)?;
-    }
-    Ok(())
 }
 
 /// Changes those that are there; some of them work and were not stopped.

@@ -215,6 +215,15 @@ impl<'a> Node<'a> {
         nmt::command(self.bus, command, self.id).map_err(Fault::bus)
     }
 
+    /// Takes a node that sends a heartbeat to PRE-OPERATIONAL, and waits until it is there.
+    ///
+    /// Errors: see [`Fault`].
+    pub fn enter_heard(&mut self) -> Result<(), Fault> {
+        self.command(Command::EnterPreOperational)?;
+        let there = nmt::wait_for(self.bus, self.id, State::PreOperational, CHANGE);
+        there.map(drop).map_err(Fault::bus)
+    }
+
     /// Does something in PRE-OPERATIONAL and returns to the state in which the node was,
     /// OPERATIONAL or STOPPED, also when it failed. In STOPPED no node answers SDO: where it may
     /// not be brought out of it, the work reports this. Where the state is not known, the node

@@ -8,7 +8,7 @@
 
 use tilt::chain::Calibration;
 
-use super::by_motor::STILL_MG;
+use super::by_motor::{APART_S, SETTLE_S, STILL_MG};
 use super::console::{Answer, Console};
 use super::error::CalibrateError;
 use super::fit::{compensated_g, temperature};
@@ -18,9 +18,8 @@ use super::reading::Reading;
 use super::session::{Node, Session, encode};
 use super::turns;
 
-/// Readings of a pose, and how far apart, s: the mean of 1.2 s.
+/// Readings of a pose: the mean of 1.2 s.
 const READINGS: u32 = 40;
-const APART_S: f64 = 0.03;
 
 /// Readings that tell whether the housing stands still.
 const GLANCE: u32 = 8;
@@ -31,9 +30,6 @@ const FEWEST_TURNS: usize = 8;
 /// What is said first where there are gyroscopes.
 const DIRECTLY: &str = "the gyroscopes are followed: turn the housing from each pose to the next \
     directly and within a minute, not by way of its base";
-
-/// Settling of the filter behind a movement, s.
-const SETTLE_S: f64 = 0.4;
 
 /// What two means of a housing at rest may differ by, mg.
 const DRIFT_MG: f64 = 2.0;

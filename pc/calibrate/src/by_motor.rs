@@ -20,14 +20,16 @@ use super::reading::Reading;
 use super::session::{Session, encode};
 
 /// Settling after the motor has stopped, s: that of the filter, and of what rings.
-const SETTLE_S: f64 = 0.4;
+pub const SETTLE_S: f64 = 0.4;
 
 /// The same in paper mode, whose filter is of 2 Hz.
 const SETTLE_PAPER_S: f64 = 1.0;
 
-/// Readings of a stand, and how far apart they are, s.
+/// Readings of a stand.
 const READINGS: u32 = 10;
-const APART_S: f64 = 0.03;
+
+/// How far apart readings are, s.
+pub const APART_S: f64 = 0.03;
 
 /// Scatter of a stand that is still one, mg.
 pub const STILL_MG: f64 = 4.0;

@@ -43,9 +43,6 @@ use give::Member;
 /// How long is listened for who is there.
 const ASKING: Duration = Duration::from_millis(400);
 
-/// How long a node may take to tell that it is in PRE-OPERATIONAL.
-const STOPPING: Duration = Duration::from_secs(2);
-
 /// How long a node may take until it answers by its new node-id.
 const RESTART: Duration = Duration::from_secs(10);
 
@@ -379,8 +376,7 @@ impl Work<'_> {
         }
         for [old, new] in working {
             self.stopped.push([old, new]);
-            nmt::command(self.bus, Command::EnterPreOperational, old).map_err(Fault::bus)?;
-            nmt::wait_for(self.bus, old, State::PreOperational, STOPPING).map_err(Fault::bus)?;
+            Node::new(self.bus, old).enter_heard()?;
         }
         Ok(())
     }

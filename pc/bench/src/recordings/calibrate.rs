@@ -216,10 +216,8 @@ pub fn calibrate_from_poses(segments: &[Segment]) -> Result<Fit, CalibrateError>
         matrix: fitted.matrix,
         offset_g: fitted.offset_g,
         poses: segments.len(),
-        norm_residual_mg: 0.0,
-        worst_norm_mg: 0.0,
-        angle_residual_deg: None,
         condition: fitted.condition,
+        ..Fit::IDENTITY
     };
     Ok(fit.judged_on(segments.iter()))
 }
@@ -254,10 +252,8 @@ pub fn calibrate_from_reference(plateaus: &[Segment]) -> Result<Fit, CalibrateEr
         matrix: found.rotation,
         offset_g: minus(up_middle, times(&found.rotation, middle)),
         poses: readings.len(),
-        norm_residual_mg: 0.0,
-        worst_norm_mg: 0.0,
-        angle_residual_deg: None,
         condition: found.condition,
+        ..Fit::IDENTITY
     };
     fit = fit.judged_on(plateaus.iter().filter(|p| p.reference.is_some()));
     let pairs = readings.iter().zip(&ups);

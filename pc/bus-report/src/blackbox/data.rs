@@ -10,7 +10,7 @@ use super::decode::{FaultLog, Frame, Memory, Samples};
 use codes::words;
 use output::plural;
 use output::series::rounded;
-use output::table::{Cell, Column, Table};
+use output::table::{Rows, Table};
 
 /// What a node remembers, or what a file holds of it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -167,36 +167,24 @@ pub fn plot(samples: &Samples, number: usize) -> PlotReport {
 
 /// The entries of a fault log.
 pub fn table(memory: &MemoryReport, title: &str) -> Table {
-    let columns = vec![
-        Column::number("Since the start, s"),
-        Column::number("SYNC"),
-        Column::text("What"),
-        Column::text("Code"),
-        Column::text("State of the pair"),
-        Column::text("Blamed"),
-        Column::text("Why"),
-        Column::number("Again"),
-        Column::number("Box"),
-    ];
-    let mut table = Table::new(title, columns);
-    for entry in &memory.entries {
-        let word = |text: &Option<String>| Cell::text(text.clone().unwrap_or_default());
-        let above_zero = |count: u16| match count {
-            0 => Cell::text(""),
-            count => Cell::text(count.to_string()),
-        };
-        table.rows.push(vec![
-            Cell::number(Some(entry.since_start_s), 3),
-            Cell::text(entry.sync_count.to_string()),
-            Cell::text(entry.text.as_str()),
-            Cell::text(entry.code.as_str()),
-            Cell::text(entry.state_text.as_str()),
-            word(&entry.blamed),
-            word(&entry.reason_text),
-            above_zero(entry.repeats),
-            above_zero(entry.box_number.unwrap_or(0).into()),
-        ]);
-    }
+    let word = |text: &Option<String>| text.clone().unwrap_or_default();
+    let above_zero = |count: u16| match count {
+        0 => String::new(),
+        count => count.to_string(),
+    };
+    let mut table = Rows::of(title, &memory.entries)
+        .number("Since the start, s", 3, |entry| entry.since_start_s)
+        .count("SYNC", |entry| entry.sync_count)
+        .text("What", |entry| &entry.text)
+        .text("Code", |entry| &entry.code)
+        .text("State of the pair", |entry| &entry.state_text)
+        .text("Blamed", |entry| word(&entry.blamed))
+        .text("Why", |entry| word(&entry.reason_text))
+        .count("Again", |entry| above_zero(entry.repeats))
+        .count("Box", |entry| {
+            above_zero(entry.box_number.unwrap_or(0).into())
+        })
+        .table();
     if let Some(made) = memory
         .entries_made
         .filter(|made| usize::from(*made) > memory.entries.len())

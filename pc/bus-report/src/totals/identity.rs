@@ -7,6 +7,7 @@
 //!
 //! Left out: block transfers, and requests.
 
+use output::hex;
 use serde::{Deserialize, Serialize};
 
 /// Objects of four bytes: index and sub-index.
@@ -136,8 +137,7 @@ impl Identity {
             let text = text.trim_end_matches('\0');
             self.software = Some((now_ns, text.to_owned()));
         } else if object == REPORT_HASH && matches!(bytes.len(), 0 | 32) {
-            let digits = bytes.iter().map(|byte| format!("{byte:02x}"));
-            self.report_hash = Some((now_ns, digits.collect()));
+            self.report_hash = Some((now_ns, hex::digits(bytes)));
         }
     }
 
