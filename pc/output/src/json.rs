@@ -2,12 +2,28 @@
 //!
 //! In: anything that serde writes. Out: text in which the fields, and the rows of the lists in
 //! them, stand on lines of their own, but what is inside a row does not. So a person can read the
-//! rows and compare two files, and a series of 600 points is one line instead of 2400.
+//! rows and compare two files, and a series of 600 points is one line instead of 2400. And
+//! [`object`](crate::object), for what is JSON and nothing else.
 
 use std::io::{self, Write};
 
 use serde::Serialize;
 use serde_json::ser::{Formatter, Serializer};
+
+/// A JSON object whose fields are named where their values are formed, in this order: for what is
+/// written as JSON and read by nothing else, so that it needs no struct.
+#[macro_export]
+macro_rules! object {
+    ($($name:ident: $value:expr),+ $(,)?) => {{
+        // Each field has a type of its own, by the field's name.
+        #[allow(non_camel_case_types)]
+        mod object {
+            #[derive(serde::Serialize)]
+            pub struct Object<$($name),+> { $(pub $name: $name),+ }
+        }
+        object::Object { $($name: $value),+ }
+    }};
+}
 
 /// Values nested deeper than this stay on the line of their parent.
 const BROKEN: usize = 2;
@@ -113,6 +129,17 @@ mod tests {
 }
 "#;
         assert_eq!(to_lines(&value).unwrap(), expected);
+    }
+
+    #[test]
+    fn an_object_has_its_fields_in_the_order_in_which_they_stand() {
+        let node = |id: u8| object! { node_id: id, seen: id > 1 };
+        let all = object! { format: "f", nodes: [node(1), node(2)], export: None::<u8> };
+        let expected = concat!(
+            r#"{"format":"f","nodes":[{"node_id":1,"seen":false},"#,
+            r#"{"node_id":2,"seen":true}],"export":null}"#
+        );
+        assert_eq!(serde_json::to_string(&all).unwrap(), expected);
     }
 
     #[test]

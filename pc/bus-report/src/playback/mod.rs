@@ -7,6 +7,7 @@
 //!
 //! Left out: recordings of bare sensors, which `replay` runs through the signal chain.
 
+mod contents;
 mod error;
 mod export;
 mod foreign;
@@ -35,6 +36,7 @@ pub use options::Options;
 pub use row::{COLUMNS, Row, unit};
 pub use table::{Given, Table};
 
+use contents::Contents;
 use export::Export;
 use reading::Reading;
 use summary::Summary;
@@ -89,10 +91,9 @@ pub fn run(
         ..
     } = reading;
     let exported = export.map(Export::finish).transpose()?;
-    let mut report = json::Report::new(summary, &source);
-    report.outside = part.outside();
-    report.export = exported;
-    stdout::print_as(json, &report, || text::of(&report)).map_err(PlaybackError::Stdout)?;
+    let contents = Contents::of(summary, &source, part.outside(), exported);
+    let text = || text::of(&contents);
+    stdout::print_as(json, &json::of(&contents), text).map_err(PlaybackError::Stdout)?;
     match source.incomplete() {
         Some(why) => Err(why.into()),
         None => Ok(ExitCode::SUCCESS),

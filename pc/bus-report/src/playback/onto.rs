@@ -10,31 +10,13 @@ use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
 use canopen::Frame;
-use serde::Serialize;
 
 use super::{Options, PlaybackError};
 use bus_logs::{Logged, Moment, Player, candump_line};
 use bus_master::{Bus, BusOptions};
-use output::plural;
 use output::progress::Progress;
 use output::stdout;
-
-/// What was played.
-#[derive(Debug, Serialize)]
-struct Played {
-    format: &'static str,
-    version: u32,
-    /// The bus.
-    bus: String,
-    /// Frames sent.
-    sent: u64,
-    /// Frames that the adapter can't send, such as remote ones through socketcand.
-    not_sent: u64,
-    /// The most that a frame went out behind its time.
-    latest_ms: f64,
-    /// How long it took.
-    elapsed_s: f64,
-}
+use output::{object, plural};
 
 /// Plays the logs.
 pub fn run(
@@ -135,24 +117,26 @@ impl Stage {
     }
 
     fn tell(self, elapsed: Duration, json: bool) -> Result<(), PlaybackError> {
-        let played = Played {
+        let played = object! {
             format: "plumb-onto",
             version: 1,
-            bus: self.bus.name().to_owned(),
+            bus: self.bus.name(),
             sent: self.sent,
+            // Frames that the adapter can't send, such as remote ones through socketcand.
             not_sent: self.not_sent,
+            // The most that a frame went out behind its time.
             latest_ms: self.latest.as_secs_f64() * 1e3,
             elapsed_s: elapsed.as_secs_f64(),
         };
         let text = || {
-            let Played { sent, bus, .. } = &played;
             let left = match played.not_sent {
                 0 => String::new(),
                 count => format!("; {count} that this adapter can't send were left out"),
             };
             format!(
-                "{} onto {bus} in {:.1} s, none later than {:.1} ms{left}\n",
-                plural(*sent, "frame", "frames"),
+                "{} onto {} in {:.1} s, none later than {:.1} ms{left}\n",
+                plural(played.sent, "frame", "frames"),
+                played.bus,
                 played.elapsed_s,
                 played.latest_ms
             )

@@ -1,70 +1,65 @@
 //! The summary of logs for people.
 //!
-//! In: a [`Report`]. Out: the same as lines of text.
+//! In: what the logs have come to ([`Contents`]). Out: lines of text.
 
 use std::fmt::Write as _;
 
+use super::contents::{Contents, faults, seconds, states};
 use super::foreign::Seen;
-use super::json::{InstrumentJson, InterfaceJson, NodeJson, Report, SkippedJson, SpreadJson};
-use bus_logs::text_utc;
+use crate::totals::{ChannelSummary, Collected, Instrument, Last, Tally};
+use bus_logs::{Skip, Source, Tally as Lines, text_utc};
 use output::{plural, printable};
 
 /// The whole text.
-pub fn of(report: &Report) -> String {
+pub fn of(contents: &Contents) -> String {
     let mut text = String::new();
-    let files = match report.files.as_slice() {
+    let (source, skipped) = (contents.source, contents.source.skipped());
+    let files = match source.files() {
         [one] => printable(one),
         files => format!("{} logs", files.len()),
     };
-    let _ = writeln!(text, "{files}: {}", frames(report.frames));
-    for interface in &report.interfaces {
-        about_interface(&mut text, interface);
+    let _ = writeln!(text, "{files}: {}", frames(source.frames()));
+    for (name, bus) in &contents.buses {
+        about_interface(&mut text, name, bus);
     }
-    report
-        .devices
-        .iter()
-        .for_each(|device| about_device(&mut text, device));
-    if report.outside > 0 {
-        let _ = writeln!(text, "Outside --from and --to: {}", frames(report.outside));
+    for device in &contents.devices {
+        about_device(&mut text, device);
     }
-    for kind in report
-        .skipped
-        .iter()
-        .filter(|kind| kind.kind != "no_frames")
-    {
-        about_skipped(&mut text, "Not used", kind);
+    if contents.outside > 0 {
+        let outside = frames(contents.outside);
+        let _ = writeln!(text, "Outside --from and --to: {outside}");
     }
-    if let Some(backwards) = &report.backwards {
-        about_skipped(&mut text, "Used as they came", backwards);
+    for (kind, lines) in skipped.kinds().filter(|(kind, _)| *kind != Skip::NoFrame) {
+        about_lines(&mut text, source, ["Not used", kind.words()], lines);
     }
-    for damaged in &report.damaged {
-        let _ = writeln!(text, "{}: {}", printable(&damaged.file), damaged.why);
+    if let Some((words, lines)) = contents.backwards() {
+        about_lines(&mut text, source, ["Used as they came", words], lines);
     }
-    for file in &report.undated_files {
-        let file = printable(file);
+    for (file, damage) in &skipped.damaged {
+        let file = printable(&source.name(*file));
+        let _ = writeln!(text, "{file}: {}", damage.words());
+    }
+    for file in &skipped.undated {
+        let file = printable(&source.name(*file));
         let _ = writeln!(
             text,
             "{file}: has no date; taken as following the log before"
         );
     }
-    if report.overlapping_files > 0 {
-        let count = report.overlapping_files;
+    if skipped.overlapping > 0 {
+        let count = skipped.overlapping;
         let _ = writeln!(
             text,
             "Overlap with another log in time and were merged: {count}"
         );
     }
-    if !report.not_logs.is_empty() {
-        let names: Vec<_> = report
-            .not_logs
-            .iter()
-            .take(5)
-            .map(|n| printable(n))
-            .collect();
-        let files = plural(report.not_logs.len() as u64, "file", "files");
+    let not_logs = &skipped.not_logs;
+    if !not_logs.is_empty() {
+        let names: Vec<_> = not_logs.iter().take(5).map(|n| printable(n)).collect();
+        let files = plural(not_logs.len() as u64, "file", "files");
         let _ = writeln!(text, "No logs: {files}, as {}", names.join(", "));
     }
-    if let Some(export) = &report.export {
+    if let Some(export) = &contents.export {
         let (file, rows) = (printable(&export.file), plural(export.rows, "row", "rows"));
         let _ = writeln!(text, "Written: {file}, {rows}");
     }
@@ -101,66 +96,66 @@ fn about_device(text: &mut String, seen: &Seen) {
     }
 }
 
-fn ns(seconds: f64) -> u64 {
-    // To the microsecond, which such a number of seconds still has.
-    (seconds * 1e6).round() as u64 * 1000
+/// A time, by its seconds to the microsecond, as JSON has them.
+fn time(ns: u64) -> String {
+    text_utc((seconds(ns) * 1e6).round() as u64 * 1000)
 }
 
-fn about_skipped(text: &mut String, head: &str, kind: &SkippedJson) {
-    let (words, count) = (kind.words, kind.count);
-    let (file, line) = (printable(&kind.first_file), kind.first_line);
+fn about_lines(text: &mut String, source: &Source, [head, words]: [&str; 2], lines: Lines) {
+    let (count, file, line) = (lines.count, source.name(lines.file), lines.line);
+    let file = printable(&file);
     let _ = writeln!(
         text,
         "{head}, {words}: {count}, the first in {file} line {line}"
     );
 }
 
-fn about_interface(text: &mut String, interface: &InterfaceJson) {
+fn about_interface(text: &mut String, name: &str, bus: &Collected) {
+    let (counts, traffic) = (&bus.counts, &bus.traffic);
+    let (first_ns, last_ns) = traffic.span_ns().unwrap_or_default();
     let _ = writeln!(
         text,
         "\n{}: {} in {:.1} s, {} to {}",
-        printable(&interface.interface),
-        frames(interface.frames),
-        interface.last_time_s - interface.first_time_s,
-        text_utc(ns(interface.first_time_s)),
-        text_utc(ns(interface.last_time_s)),
+        printable(name),
+        frames(counts.frames),
+        seconds(last_ns) - seconds(first_ns),
+        time(first_ns),
+        time(last_ns),
     );
-    let others = &interface.others;
     let _ = writeln!(
         text,
         "  {} SYNC, {} of a wrong form, {} of other nodes and services",
-        interface.syncs, interface.malformed, others.frames
+        counts.syncs, counts.malformed, counts.others
     );
-    if interface.undated > 0 {
+    if bus.undated > 0 {
         let _ = writeln!(
             text,
             "  {} without a date among frames with one, left out",
-            interface.undated
+            bus.undated
         );
     }
-    if interface.other_clock > 0 {
+    if traffic.by_other_clock() > 0 {
         let _ = writeln!(
             text,
             "  {} by a clock that was set within the log, used and outside these times",
-            frames(interface.other_clock)
+            frames(traffic.by_other_clock())
         );
     }
-    if interface.holes > 0 {
+    if traffic.gaps.count() > 0 {
         let _ = writeln!(
             text,
             "  nothing at all for more than 2 s: {}, {:.1} s at most",
-            times(interface.holes),
-            interface.longest_hole_s
+            times(traffic.gaps.count()),
+            seconds(traffic.gaps.longest_ns())
         );
     }
-    if !others.node_ids.is_empty() {
-        let ids: Vec<_> = others.node_ids.iter().map(u8::to_string).collect();
+    if !bus.strangers.is_empty() {
+        let ids: Vec<_> = bus.strangers.iter().map(u8::to_string).collect();
         let _ = writeln!(text, "  other nodes: {}", ids.join(", "));
     }
-    interface
-        .instruments
-        .iter()
-        .for_each(|one| about_instrument(text, one));
+    for (last, one) in &bus.instruments {
+        about_instrument(text, last, one);
+    }
 }
 
 fn frames(count: u64) -> String {
@@ -174,78 +169,71 @@ fn times(count: impl Into<u64>) -> String {
     }
 }
 
-fn about_instrument(text: &mut String, one: &InstrumentJson) {
-    for node in &one.nodes {
-        about_node(text, node);
+fn about_instrument(text: &mut String, last: &[Last; 2], one: &Instrument) {
+    for (last, channel) in last.iter().zip(&one.summary.channels) {
+        about_node(text, last, channel);
     }
-    if one.delta.iter().any(|spread| spread.count > 0) {
-        let [a, b] = &one.nodes;
+    let difference = &one.summary.difference.own;
+    if difference.iter().any(|axis| axis.count() > 0) {
+        let [a, b] = last;
         let _ = writeln!(text, "  node {} minus node {}", a.node_id, b.node_id);
-        for (axis, spread) in ["X", "Y"].iter().zip(&one.delta) {
-            about_spread(text, axis, spread);
-        }
+        about_spreads(text, difference);
     }
 }
 
-fn about_node(text: &mut String, node: &NodeJson) {
-    if !node.seen {
-        let _ = writeln!(text, "  node {}: nothing", node.node_id);
+fn about_node(text: &mut String, last: &Last, channel: &ChannelSummary) {
+    if !last.seen {
+        let _ = writeln!(text, "  node {}: nothing", last.node_id);
         return;
     }
-    let readings = plural(node.readings, "reading", "readings");
-    let _ = writeln!(text, "  node {}: {readings}", node.node_id);
-    about_spread(text, "X", &node.slope_x);
-    about_spread(text, "Y", &node.slope_y);
-    let with_state: u64 = node.states.iter().map(|state| state.count).sum();
-    let without = node.readings.saturating_sub(with_state);
-    let states = node.states.iter();
-    let states = states.map(|state| format!("{} {}", state.count, state.words));
+    let readings = plural(channel.readings, "reading", "readings");
+    let _ = writeln!(text, "  node {}: {readings}", last.node_id);
+    about_spreads(text, &channel.slope);
+    let with_state: u64 = channel.states.iter().sum();
+    let without = channel.readings.saturating_sub(with_state);
+    let states = states(channel).map(|(_, words, count)| format!("{count} {words}"));
     let states: Vec<_> = states
         .chain((without > 0).then(|| format!("{without} not sent")))
         .collect();
     if !states.is_empty() {
         let _ = writeln!(text, "    states: {}", states.join(", "));
     }
-    if node.heartbeats_lost > 0 {
-        let now = if node.heartbeat_is_lost {
-            ", and at the end"
-        } else {
-            ""
+    if channel.heartbeat_losses > 0 {
+        let now = match last.heartbeat_is_lost {
+            true => ", and at the end",
+            false => "",
         };
-        let _ = writeln!(
-            text,
-            "    heartbeat lost: {}{now}",
-            times(node.heartbeats_lost)
-        );
+        let lost = times(channel.heartbeat_losses);
+        let _ = writeln!(text, "    heartbeat lost: {lost}{now}");
     }
-    for finding in &node.findings {
-        let since = ns(finding.first_time_s);
+    for (check, finding) in channel.checks.found() {
         let _ = writeln!(
             text,
             "    does not fit, {}: {}, the first at {}",
-            finding.words,
+            check.words(),
             finding.count,
-            text_utc(since)
+            time(finding.first_ns)
         );
     }
-    for fault in &node.faults {
-        let now = if fault.stands {
-            ", stands at the end"
-        } else {
-            ""
-        };
-        let _ = writeln!(text, "    EMCY {:04X}h {}{now}", fault.code, fault.text);
+    for (fault, stands) in faults(last, channel) {
+        let (code, words) = (fault.report().0, fault.text());
+        let now = if stands { ", stands at the end" } else { "" };
+        let _ = writeln!(text, "    EMCY {code:04X}h {words}{now}");
     }
 }
 
-fn about_spread(text: &mut String, axis: &str, spread: &SpreadJson) {
-    if let (Some(min), Some(mean), Some(max)) = (spread.min_deg, spread.mean_deg, spread.max_deg) {
-        let _ = writeln!(
-            text,
-            "    {axis} {mean:8.3} deg, {min:.3} to {max:.3} deg ({} values)",
-            spread.count
-        );
-    } else {
-        let _ = writeln!(text, "    {axis} no value that may be used");
+fn about_spreads(text: &mut String, axes: &[Tally; 2]) {
+    for (axis, of) in ["X", "Y"].iter().zip(axes) {
+        let _ = match (of.extremes(), of.mean_angle()) {
+            (Some((least, most)), Some(mean)) => {
+                let [min, max] = [least, most].map(|mdeg| f64::from(mdeg) / 1000.0);
+                let (mean, count) = (mean / 1000.0, of.count());
+                writeln!(
+                    text,
+                    "    {axis} {mean:8.3} deg, {min:.3} to {max:.3} deg ({count} values)"
+                )
+            }
+            _ => writeln!(text, "    {axis} no value that may be used"),
+        };
     }
 }
