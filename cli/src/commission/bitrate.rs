@@ -26,6 +26,7 @@ use bus_master::nmt::{self, Command, State};
 use bus_master::node::Node;
 use bus_master::nodes::{self, Meant};
 use bus_master::survey::{Survey, survey};
+use output::object;
 
 /// How long is listened for who is there.
 const ASKING: Duration = Duration::from_millis(1000);
@@ -73,16 +74,6 @@ struct Rate {
     automatic: Option<bool>,
 }
 
-#[derive(Clone, Debug, Serialize)]
-struct Content<'a> {
-    changed: bool,
-    nodes: &'a [Rate],
-    /// Node-ids of those that a forced change has left at their rate.
-    not_reached: &'a [u8],
-    /// Those whose state before is not known, and that are in PRE-OPERATIONAL now.
-    left_nodes: &'a [u8],
-}
-
 /// What a change came to.
 #[derive(Debug, Default)]
 struct Outcome {
@@ -113,8 +104,8 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, CommissionError> {
         }
     };
     let changed = arguments.rate.is_some();
-    let content = Content {
-        changed,
+    let content = object! {
+        changed: changed,
         nodes: &outcome.rates,
         not_reached: &outcome.not_reached,
         left_nodes: &outcome.left,

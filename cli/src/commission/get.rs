@@ -19,9 +19,9 @@ use bus_master::node::Node;
 use bus_master::sdo::meaning;
 use codes::name::{self, Named};
 use codes::value::Shown;
-use output::hex;
 use output::table::{Cell, Column, Table};
 use output::write::{self, Existing, NoPlace, check_place};
+use output::{hex, object};
 
 /// What is read.
 #[derive(Clone, Debug, Args)]
@@ -58,11 +58,6 @@ struct Reading {
     reason: Option<String>,
 }
 
-#[derive(Clone, Debug, Serialize)]
-struct Content<'a> {
-    objects: &'a [Reading],
-}
-
 /// One object of one node that went to a file.
 #[derive(Clone, Debug, Serialize)]
 struct Saved {
@@ -74,31 +69,13 @@ struct Saved {
     length_bytes: usize,
 }
 
-#[derive(Clone, Debug, Serialize)]
-struct Files<'a> {
-    files: [&'a Saved; 1],
-}
-
-/// What an object is called.
-#[derive(Clone, Debug, Serialize)]
-struct Name {
-    name: String,
-    index: String,
-    sub: u8,
-}
-
-#[derive(Clone, Debug, Serialize)]
-struct Names {
-    names: Vec<Name>,
-}
-
 /// Reads and prints. What a node refuses of several objects is printed in its place.
 ///
 /// Errors: see [`CommissionError`]; those that were read are printed all the same.
 pub fn run(arguments: &Arguments) -> Result<ExitCode, CommissionError> {
     let answer = arguments.common.answer("plumb-get");
     if arguments.list {
-        answer.show_without_bus(Names { names: names() }, list)?;
+        answer.show_without_bus(names(), list)?;
         return Ok(ExitCode::SUCCESS);
     }
     let objects = objects(&arguments.names)?;
@@ -115,7 +92,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, CommissionError> {
                 return Err(CommissionError::OneOnly);
             };
             let saved = save(&mut bus, *node, object, (path, existing))?;
-            answer.show(&bus, Files { files: [&saved] }, || {
+            answer.show(&bus, object! { files: [&saved] }, || {
                 let Saved {
                     name, length_bytes, ..
                 } = &saved;
@@ -125,7 +102,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, CommissionError> {
         }
         None => {
             let readings = read(&mut bus, nodes, &objects)?;
-            let content = Content { objects: &readings };
+            let content = object! { objects: &readings };
             answer.show(&bus, content, || table(nodes, &objects, &readings))?;
             refusals(&readings)
         }
@@ -178,13 +155,12 @@ fn list() -> String {
         .collect()
 }
 
-fn names() -> Vec<Name> {
-    let named = |(name, index, sub)| Name {
-        name,
-        index: format!("{index:04X}"),
-        sub,
-    };
-    all().map(named).collect()
+/// The same as JSON.
+fn names() -> impl Serialize {
+    let names = all().map(|(name, index, sub)| {
+        object! { name: name, index: format!("{index:04X}"), sub: sub }
+    });
+    object! { names: names.collect::<Vec<_>>() }
 }
 
 /// What the names mean; what can only be written is named at once.

@@ -23,7 +23,7 @@ use codes::meaning;
 use codes::name::{self, Named};
 use codes::words::{self, because};
 use output::table::{Cell, Column, Table};
-use output::{hex, printable};
+use output::{hex, object, printable};
 
 /// Which nodes.
 #[derive(Clone, Debug, Args)]
@@ -62,11 +62,6 @@ struct Info {
     errors: Vec<&'static str>,
     /// The errors told before, newest first.
     error_history: Vec<String>,
-}
-
-#[derive(Clone, Debug, Serialize)]
-struct Content<'a> {
-    nodes: &'a [Info],
 }
 
 /// What is asked, in the order in which it is told: a label and an object.
@@ -132,7 +127,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, CommissionError> {
         told.push(ask(&mut Node::new(&mut bus, id))?);
     }
     let answer = arguments.common.answer("plumb-info");
-    answer.show(&bus, Content { nodes: &told }, || text(&told))?;
+    answer.show(&bus, object! { nodes: &told }, || text(&told))?;
     meant.complete()?;
     Ok(ExitCode::SUCCESS)
 }

@@ -11,7 +11,6 @@ use std::time::Duration;
 
 use clap::Args;
 use device::objects::table::Channel;
-use serde::Serialize;
 
 use super::common::{CommonOptions, WRONG_STATE, left};
 use super::error::CommissionError;
@@ -21,6 +20,7 @@ use bus_master::nmt::{self, Command, State};
 use bus_master::node::Node;
 use bus_master::nodes;
 use bus_master::sdo::SdoError;
+use output::object;
 
 /// "load", lowest byte first (CiA 301, 7.5.2.14).
 const LOAD: [u8; 4] = *b"load";
@@ -47,18 +47,6 @@ pub struct Arguments {
     /// Which nodes; needed where there is more than one
     #[command(flatten)]
     pub common: CommonOptions,
-}
-
-#[derive(Clone, Debug, Serialize)]
-struct Content {
-    group: Option<Group>,
-    restored_nodes: Vec<u8>,
-    reset: bool,
-    /// Nodes that look for the other channel by the node-id as delivered, and have another one
-    /// themselves.
-    apart_nodes: Vec<u8>,
-    /// Those whose state before is not known, and that are in PRE-OPERATIONAL now.
-    left_nodes: Vec<u8>,
 }
 
 /// Restores and prints.
@@ -96,15 +84,17 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, CommissionError> {
         answer.say(APART)?;
     }
     let those_left = restored.iter().filter(|(_, is_left)| *is_left);
-    let content = Content {
+    let content = object! {
         group: arguments.only,
-        restored_nodes: restored.iter().map(|(id, _)| *id).collect(),
+        restored_nodes: restored.iter().map(|(id, _)| *id).collect::<Vec<_>>(),
         reset: arguments.reset,
-        apart_nodes,
-        left_nodes: those_left.map(|(id, _)| *id).collect(),
+        // Those that look for the other channel by the node-id as delivered, and have another one
+        // themselves.
+        apart_nodes: apart_nodes,
+        // Those whose state before is not known, and that are in PRE-OPERATIONAL now.
+        left_nodes: those_left.map(|(id, _)| *id).collect::<Vec<_>>(),
     };
-    let nothing = content.restored_nodes.is_empty();
-    answer.end(&bus, ended, nothing, content)
+    answer.end(&bus, ended, restored.is_empty(), content)
 }
 
 /// Restores one node; which channel it is.

@@ -16,6 +16,7 @@ use super::error::CommissionError;
 use bus_master::fault::Fault;
 use bus_master::node::Node;
 use bus_master::sdo::SdoError;
+use output::object;
 
 /// "save", lowest byte first (CiA 301, 7.5.2.13).
 const SAVE: [u8; 4] = *b"save";
@@ -68,14 +69,6 @@ pub struct Arguments {
     pub common: CommonOptions,
 }
 
-#[derive(Clone, Debug, Serialize)]
-struct Content {
-    group: Option<Group>,
-    saved_nodes: Vec<u8>,
-    /// Those whose state before is not known, and that are in PRE-OPERATIONAL now.
-    left_nodes: Vec<u8>,
-}
-
 /// Saves and prints.
 ///
 /// Errors: see [`CommissionError`]; nodes before the failing one are saved and were printed.
@@ -93,10 +86,11 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, CommissionError> {
         |(id, is_left)| format!("node {id}: {what} are saved\n{}", left(*id, *is_left)),
     );
     let those_left = saved.iter().filter(|(_, is_left)| *is_left);
-    let content = Content {
+    let content = object! {
         group: arguments.only,
-        left_nodes: those_left.map(|(id, _)| *id).collect(),
-        saved_nodes: saved.iter().map(|(id, _)| *id).collect(),
+        saved_nodes: saved.iter().map(|(id, _)| *id).collect::<Vec<_>>(),
+        // Those whose state before is not known, and that are in PRE-OPERATIONAL now.
+        left_nodes: those_left.map(|(id, _)| *id).collect::<Vec<_>>(),
     };
     answer.end(&bus, ended, saved.is_empty(), content)
 }

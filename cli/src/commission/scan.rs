@@ -21,8 +21,8 @@ use bus_master::nodes;
 use bus_master::survey::{Survey, survey};
 use bus_master::{Bus, BusOptions};
 use codes::words;
-use output::printable;
 use output::table::{Cell, Column, Table};
+use output::{object, printable};
 
 /// More nodes without a node-id than this are not looked for.
 const MOST_FRESH: usize = 16;
@@ -64,23 +64,6 @@ struct Found {
     /// The other channel, where both name each other.
     pair: Option<u8>,
     reason: Option<String>,
-}
-
-/// A node without a node-id.
-#[derive(Clone, Debug, Serialize)]
-struct Fresh {
-    vendor_id: u32,
-    product_code: u32,
-    revision_number: u32,
-    serial_number: u32,
-}
-
-#[derive(Clone, Debug, Serialize)]
-struct Content<'a> {
-    nodes: &'a [Found],
-    unconfigured: Vec<Fresh>,
-    /// There may be more of them.
-    unconfigured_more: bool,
 }
 
 /// Looks and prints.
@@ -160,18 +143,19 @@ fn pair(nodes: &mut [Found]) {
     }
 }
 
-fn content<'a>(nodes: &'a [Found], fresh: &[Identity], more: bool) -> Content<'a> {
-    let fresh = fresh.iter().map(
-        |[vendor_id, product_code, revision_number, serial_number]| Fresh {
-            vendor_id: *vendor_id,
-            product_code: *product_code,
-            revision_number: *revision_number,
-            serial_number: *serial_number,
-        },
-    );
-    Content {
-        nodes,
-        unconfigured: fresh.collect(),
+fn content(nodes: &[Found], fresh: &[Identity], more: bool) -> impl Serialize {
+    let fresh = fresh.iter().map(|identity| {
+        object! {
+            vendor_id: identity[0],
+            product_code: identity[1],
+            revision_number: identity[2],
+            serial_number: identity[3],
+        }
+    });
+    object! {
+        nodes: nodes,
+        unconfigured: fresh.collect::<Vec<_>>(),
+        // There may be more of them.
         unconfigured_more: more,
     }
 }

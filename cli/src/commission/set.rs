@@ -23,6 +23,7 @@ use bus_master::node::Node;
 use bus_master::sdo::SdoError;
 use codes::name::{self, Named};
 use codes::value;
+use output::object;
 
 /// For how long a write is tried again that is refused for a reason that ends by itself: a node
 /// whose other channel does not take part has no angle while it leaves OPERATIONAL.
@@ -77,14 +78,6 @@ struct Written {
     note: Option<String>,
 }
 
-#[derive(Clone, Debug, Serialize)]
-struct Content<'a> {
-    name: &'a str,
-    index: String,
-    sub: u8,
-    nodes: &'a [Written],
-}
-
 /// Writes and prints.
 ///
 /// Errors: see [`CommissionError`]; nodes before the failing one are written and were printed.
@@ -118,7 +111,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, CommissionError> {
         },
         |done| line(&named, done),
     );
-    let content = Content {
+    let content = object! {
         name: &named.name,
         index: format!("{:04X}", named.index),
         sub: named.sub,

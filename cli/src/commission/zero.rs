@@ -25,6 +25,7 @@ use bus_master::Bus;
 use bus_master::node::Node;
 use codes::name::{self, Named};
 use codes::value::{self, decimal};
+use output::object;
 
 /// Bit of 6111h: preset and offsets count.
 const SCALING: u32 = 2;
@@ -127,12 +128,6 @@ struct Zeroed {
     step_deg: f64,
 }
 
-#[derive(Clone, Debug, Serialize)]
-struct Content {
-    slopes: Vec<Zeroed>,
-    to_be_saved: bool,
-}
-
 /// What is to be done to one slope.
 #[derive(Clone, Debug)]
 struct Plan {
@@ -170,12 +165,8 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, CommissionError> {
     if ended.is_ok() && !arguments.common.json {
         answer.say(to_do(&mut bus, &nodes)?)?;
     }
-    let content = Content {
-        slopes: done,
-        to_be_saved: true,
-    };
-    let nothing = content.slopes.is_empty();
-    answer.end(&bus, ended, nothing, content)
+    let content = object! { slopes: &done, to_be_saved: true };
+    answer.end(&bus, ended, done.is_empty(), content)
 }
 
 /// What is left to be done to these nodes and their other channels.

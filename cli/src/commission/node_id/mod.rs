@@ -25,7 +25,6 @@ use std::str::FromStr;
 use std::time::{Duration, Instant};
 
 use clap::Args;
-use serde::Serialize;
 
 use super::answer::Answer;
 use super::common::{CommonOptions, unknown};
@@ -39,6 +38,7 @@ use bus_master::nodes::{self, Missing, NodeOption, Nodes};
 use bus_master::survey::{Survey, survey};
 use codes::words;
 use give::Member;
+use output::object;
 
 /// How long is listened for who is there.
 const ASKING: Duration = Duration::from_millis(400);
@@ -96,14 +96,6 @@ pub struct Arguments {
     /// The rest; where no nodes are named, those without a node-id.
     #[command(flatten)]
     pub common: CommonOptions,
-}
-
-#[derive(Clone, Debug, Serialize)]
-struct Content {
-    nodes: Vec<Member>,
-    /// Both compare and agree; null where there is no pair.
-    agree: Option<bool>,
-    notes: Vec<String>,
 }
 
 /// What does not follow the node-id.
@@ -174,10 +166,11 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, CommissionError> {
     notes.extend(left.into_iter().map(fault::unknown));
     notes.extend(compare.map(|_| SAFETY.to_owned()));
     let lines: String = notes.iter().map(|note| format!("note: {note}\n")).collect();
-    let content = Content {
+    let content = object! {
         nodes: members,
+        // Both compare and agree; null where there is no pair.
         agree: compare,
-        notes,
+        notes: notes,
     };
     answer.show(&bus, content, || lines)?;
     Ok(match compare {
