@@ -21,7 +21,7 @@ use sim::memory::{DEVELOPMENT, HARDWARE, SICK, SOUND, public_key, sign, unsigned
 use crate::update::UpdateError;
 use crate::update::file;
 use output::write::{self, Existing, not_written};
-use output::{hex, stdout};
+use output::{hex, object, stdout};
 
 /// What is built.
 #[derive(Clone, Debug, Args)]
@@ -105,36 +105,20 @@ impl Arguments {
     }
 }
 
-/// What was done, for `--json`.
-#[derive(Debug, Serialize)]
-struct Done {
-    /// "plumb-image".
-    format: &'static str,
-    /// 1.
-    version: u32,
-    /// The file that was written.
-    file: Option<String>,
-    /// Its length.
-    length_bytes: Option<usize>,
-    /// Images in it.
-    images: Option<usize>,
-    /// Whether they are signed.
-    is_signed: Option<bool>,
-    /// The public key of the key that was given or has signed, hexadecimal.
+/// What was done, for `--json`: the file that was written, its images and whether they are signed.
+fn done(
+    written: Option<(&Path, &[Vec<u8>], bool)>,
     public_key: Option<String>,
-}
-
-impl Done {
-    const fn new() -> Self {
-        Self {
-            format: "plumb-image",
-            version: 1,
-            file: None,
-            length_bytes: None,
-            images: None,
-            is_signed: None,
-            public_key: None,
-        }
+) -> impl Serialize + use<> {
+    object! {
+        format: "plumb-image",
+        version: 1,
+        file: written.map(|(file, ..)| file.display().to_string()),
+        length_bytes: written.map(|(_, images, _)| images.iter().map(Vec::len).sum::<usize>()),
+        images: written.map(|(_, images, _)| images.len()),
+        is_signed: written.map(|(.., is_signed)| is_signed),
+        // Of the key that was given or has signed, hexadecimal.
+        public_key: public_key,
     }
 }
 
@@ -204,10 +188,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, ImageError> {
     };
     let Some(out) = arguments.out.as_ref().filter(|_| !arguments.public) else {
         let public = hex::digits(&public_key(&key));
-        let done = Done {
-            public_key: Some(public.clone()),
-            ..Done::new()
-        };
+        let done = done(None, Some(public.clone()));
         stdout::print_as(arguments.json, &done, || public + "\n").map_err(ImageError::Print)?;
         return Ok(ExitCode::SUCCESS);
     };
@@ -221,9 +202,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, ImageError> {
     let public = public_key(&key);
     let is_other = arguments.is_for_boards() && !arguments.unsigned;
     let is_other = is_other && !images.iter().all(|image| accepts(image, &public));
-    let file = images.concat();
-    let length = file.len();
-    let written = write::save(out, file, Existing::of(arguments.force));
+    let written = write::save(out, images.concat(), Existing::of(arguments.force));
     written.map_err(|error| ImageError::Write(out.clone(), error))?;
     if arguments.is_signed_for_all() {
         eprintln!("{SIGNED_FOR_ALL}");
@@ -231,14 +210,9 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, ImageError> {
         eprintln!("{OTHER_KEY}");
     }
     if arguments.json {
-        let done = Done {
-            file: Some(out.display().to_string()),
-            length_bytes: Some(length),
-            images: Some(images.len()),
-            is_signed: Some(!arguments.unsigned),
-            public_key: (!arguments.unsigned).then(|| hex::digits(&public_key(&key))),
-            ..Done::new()
-        };
+        let is_signed = !arguments.unsigned;
+        let public = is_signed.then(|| hex::digits(&public));
+        let done = done(Some((out, &images, is_signed)), public);
         stdout::print_json(&done).map_err(ImageError::Print)?;
     }
     Ok(ExitCode::SUCCESS)

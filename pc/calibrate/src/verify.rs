@@ -19,7 +19,7 @@ use serde::Serialize;
 use crate::data::FORMAT;
 use crate::{CalibrateError, Session, dcc};
 use bus_master::BusOptions;
-use output::{hex, stdout};
+use output::{hex, object, stdout};
 
 /// What to compare.
 #[derive(Clone, Debug, Args)]
@@ -76,16 +76,6 @@ struct NodeVerdict {
     verdict: Verdict,
 }
 
-/// The output of --json.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-struct Verified {
-    format: &'static str,
-    version: u32,
-    file_sha256: String,
-    matches: bool,
-    nodes: Vec<NodeVerdict>,
-}
-
 /// What a file states of the nodes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct Claim {
@@ -115,29 +105,28 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, CalibrateError> {
         })
         .collect();
     let matches = nodes.iter().all(|node| node.verdict == Verdict::Match);
-    let verified = Verified {
+    let verified = object! {
         format: "plumb-verify",
         version: 1,
         file_sha256: hex::digits(&hmac_sha256::Hash::hash(&bytes)),
-        matches,
-        nodes,
+        matches: matches,
+        nodes: &nodes,
     };
-    stdout::print_as(arguments.json, &verified, || text(&verified))
-        .map_err(CalibrateError::Print)?;
+    stdout::print_as(arguments.json, &verified, || text(&nodes)).map_err(CalibrateError::Print)?;
     Ok(match matches {
         true => ExitCode::SUCCESS,
         false => ExitCode::from(1),
     })
 }
 
-fn text(verified: &Verified) -> String {
+fn text(nodes: &[NodeVerdict]) -> String {
     let line = |node: &NodeVerdict| {
         format!(
             "node {} (serial number {}, calibration {}): {}\n",
             node.node, node.serial_number, node.crc32, node.verdict
         )
     };
-    verified.nodes.iter().map(line).collect()
+    nodes.iter().map(line).collect()
 }
 
 impl Claim {
