@@ -1,5 +1,6 @@
 //! `plumb replay` of bus logs from the outside.
 
+use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::io::{Read, Write};
 use std::process::{Output, Stdio};
@@ -557,4 +558,39 @@ fn a_log_that_is_played_for_ever_ends_with_the_bus() {
     let (status, _, err) = said(&endless.wait_with_output().unwrap());
     assert_eq!(status, Some(2), "{err}");
     assert!(err.contains("frames of the log"), "{err}");
+}
+
+/// Names of all fields, also of those inside of others.
+fn fields(value: &Value, names: &mut BTreeSet<String>) {
+    match value {
+        Value::Object(object) => {
+            for (name, value) in object {
+                names.insert(name.clone());
+                fields(value, names);
+            }
+        }
+        Value::Array(values) => values.iter().for_each(|value| fields(value, names)),
+        _ => {}
+    }
+}
+
+#[test]
+fn every_field_of_plumb_log_is_in_the_page() {
+    let folder = Folder::new();
+    let log = rounds(1_700_000_000, 300, "can0")
+        + "(1700000003.100000) can0 081#00FF8100000000\n(1700000003.200000) can0 701#05\n"
+        + "(1700000003.000000) can0 080#\ncut\n(1700000003.300000) can0 185#0102030405060708\n";
+    let log = folder.file("a.log", log);
+    let sheet = "[1800sub1]\nDataType=7\nDefaultValue=0x185\n[1A00sub0]\nDefaultValue=01\nodd\n\
+        [1A00sub1]\nDefaultValue=0x60040020\n[6004]\nParameterName=Position\nDataType=4\n";
+    let eds = folder.file("encoder.eds", sheet) + "@5";
+    let (value, _) = json_with(2, &[&log, "--eds", &eds]);
+    let mut names = BTreeSet::new();
+    fields(&value, &mut names);
+    assert!(names.len() > 60, "{names:?}");
+    let page = include_str!("../../docs/logs.md");
+    let missing = names
+        .iter()
+        .filter(|name| !page.contains(&format!("`{name}`")));
+    assert_eq!(missing.collect::<Vec<_>>(), Vec::<&String>::new());
 }
