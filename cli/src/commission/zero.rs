@@ -47,6 +47,13 @@ const READINGS: u32 = 16;
 /// Between two of them.
 const BETWEEN: Duration = Duration::from_millis(20);
 
+/// A preset takes the reading of its moment, with its noise. So it is written again until what it
+/// took is this near to the mean, deg, at most so many times; each time it may be this much
+/// farther off, so that a machine that shakes is zeroed as well.
+const NEAR_DEG: f64 = 0.005;
+const TRIES: u32 = 50;
+const FARTHER: f64 = 1.1;
+
 /// What is zeroed.
 #[derive(Clone, Debug, Args)]
 pub struct Arguments {
@@ -126,6 +133,9 @@ struct Zeroed {
     scaling_was_off: bool,
     #[serde(skip)]
     step_deg: f64,
+    /// In steps.
+    #[serde(skip)]
+    preset: i64,
 }
 
 /// What is to be done to one slope.
@@ -249,10 +259,7 @@ fn write(bus: &mut Bus, plan: &Plan) -> Result<Zeroed, CommissionError> {
     if let Some(operating) = plan.operating {
         node.write(index + 1, 0, &[operating])?;
     }
-    let preset = object(index + 2)?;
-    let row = preset.row.ok_or(CommissionError::NoSlopes(plan.node))?;
-    node.write(index + 2, 0, &value::bytes(row.data_type, plan.preset))?;
-    let resolution = node.resolution(&preset)?;
+    let step_deg = write_preset(&mut node, index + 2, plan.preset)?;
     Ok(Zeroed {
         node: plan.node,
         axis: plan.slope,
@@ -261,8 +268,18 @@ fn write(bus: &mut Bus, plan: &Plan) -> Result<Zeroed, CommissionError> {
         offset_deg: None,
         scaling_enabled: true,
         scaling_was_off: plan.operating.is_some(),
-        step_deg: value::scale(row, resolution).factor,
+        step_deg,
+        preset: plan.preset,
     })
+}
+
+/// Writes a preset; what one step of it is, deg.
+fn write_preset(node: &mut Node, index: u16, preset: i64) -> Result<f64, CommissionError> {
+    let named = object(index)?;
+    let row = named.row.ok_or(CommissionError::NoSlopes(node.id))?;
+    node.write(index, 0, &value::bytes(row.data_type, preset))?;
+    let resolution = node.resolution(&named)?;
+    Ok(value::scale(row, resolution).factor)
 }
 
 /// What a slope that was written reads now.
@@ -275,7 +292,33 @@ fn read_back(bus: &mut Bus, zeroed: &mut Zeroed) -> Result<(), CommissionError> 
         sleep(BETWEEN);
     }
     zeroed.after_deg = mean(&mut node, index)?;
+    if take_noise_out(&mut node, zeroed)? {
+        sleep(SETTLING);
+        zeroed.after_deg = mean(&mut node, index)?;
+    }
     Ok(())
+}
+
+/// Writes a preset again until it has taken what the mean of the readings was; true where that was
+/// necessary.
+fn take_noise_out(node: &mut Node, zeroed: &mut Zeroed) -> Result<bool, CommissionError> {
+    let index = zeroed.axis.index();
+    let (Some(first), Some(mean)) = (zeroed.offset_deg, zeroed.after_deg) else {
+        return Ok(false);
+    };
+    let off_deg = calibrate::wrap(mean - zeroed.preset as f64 * zeroed.step_deg);
+    let mut near = NEAR_DEG.max(zeroed.step_deg / 2.0);
+    for repeated in 0..TRIES {
+        let off_deg = zeroed.offset_deg.map(|offset| off_deg + offset - first);
+        if off_deg.is_none_or(|off_deg| calibrate::wrap(off_deg).abs() <= near) {
+            return Ok(repeated > 0);
+        }
+        sleep(BETWEEN);
+        write_preset(node, index + 2, zeroed.preset)?;
+        zeroed.offset_deg = angle(node, index + 3)?;
+        near *= FARTHER;
+    }
+    Ok(true)
 }
 
 /// What becomes of the other channel of a node, when that is not among `nodes`.

@@ -156,6 +156,19 @@ fn a_zero_counts_on_both_channels_and_outlasts_a_reset() {
     assert_eq!(after["raw"], 0);
 }
 
+/// Single readings scatter by 0.02 deg rms.
+#[test]
+fn a_zero_had_the_noise_of_a_single_reading() {
+    let bench = Bench::quick(&[]);
+    for to in [0.0, 5.0] {
+        let zeroed = bench.json(&["zero", "--to", &format!("{to}deg")]);
+        for slope in zeroed["slopes"].as_array().unwrap() {
+            let after = slope["after_deg"].as_f64().unwrap();
+            assert!((after - to).abs() < 0.03, "{slope}");
+        }
+    }
+}
+
 #[test]
 fn a_preset_without_scaling_was_stored_and_not_shown() {
     let bench = Bench::quick(&[]);
