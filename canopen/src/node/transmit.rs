@@ -111,18 +111,13 @@ impl<T: Tpdos> Node<T> {
                 service: Service::Lss,
             });
         }
-        if self.node_id == UNCONFIGURED {
-            return None;
-        }
-        // Nothing overtakes the boot-up message, not in a mailbox beside it either: it is what a
-        // master begins anew with, and forgets what came before (CiA 301 v4.2.0, 7.3.2.2).
-        match self.boot_up {
-            BootUp::Due => Some(Waiting {
+        match self.communication.state {
+            _ if self.node_id == UNCONFIGURED => None,
+            State::Initialising => Some(Waiting {
                 cob_id: ERROR_CONTROL + u16::from(self.node_id),
                 service: Service::BootUp,
             }),
-            BootUp::HandedOver => None,
-            BootUp::Sent => self.first::<A>(now),
+            _ => self.first::<A>(now),
         }
     }
 
@@ -130,6 +125,7 @@ impl<T: Tpdos> Node<T> {
     fn first<A: Application>(&self, now: Instant) -> Option<Waiting> {
         let services = &self.communication;
         let state = services.state;
+        let error_control = ERROR_CONTROL + u16::from(self.node_id);
         let mut first = Waiting {
             cob_id: u16::MAX,
             service: Service::Lss,
@@ -153,8 +149,9 @@ impl<T: Tpdos> Node<T> {
         if self.server.is_pending() && state.allows_sdo() {
             waits(Some(0x580 + u16::from(self.node_id)), Service::Sdo);
         }
-        if services.error_control.is_due(now) {
-            let error_control = ERROR_CONTROL + u16::from(self.node_id);
+        if self.boot_up == BootUp::Due {
+            waits(Some(error_control), Service::BootUp);
+        } else if services.error_control.is_due(now) {
             waits(Some(error_control), Service::ErrorControl);
         }
         (first.cob_id != u16::MAX).then_some(first)
