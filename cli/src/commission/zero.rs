@@ -147,6 +147,8 @@ struct Plan {
     operating: Option<u8>,
     /// The preset in steps.
     preset: i64,
+    /// One of these.
+    step_deg: f64,
 }
 
 /// Zeroes and prints.
@@ -242,6 +244,7 @@ fn plan_slope(
         slope,
         operating: (!is_on).then_some((operating | SCALING) as u8),
         preset: number?,
+        step_deg: value::scale(row, resolution).factor,
     })
 }
 
@@ -259,7 +262,7 @@ fn write(bus: &mut Bus, plan: &Plan) -> Result<Zeroed, CommissionError> {
     if let Some(operating) = plan.operating {
         node.write(index + 1, 0, &[operating])?;
     }
-    let step_deg = write_preset(&mut node, index + 2, plan.preset)?;
+    write_preset(&mut node, index + 2, plan.preset)?;
     Ok(Zeroed {
         node: plan.node,
         axis: plan.slope,
@@ -268,18 +271,15 @@ fn write(bus: &mut Bus, plan: &Plan) -> Result<Zeroed, CommissionError> {
         offset_deg: None,
         scaling_enabled: true,
         scaling_was_off: plan.operating.is_some(),
-        step_deg,
+        step_deg: plan.step_deg,
         preset: plan.preset,
     })
 }
 
-/// Writes a preset; what one step of it is, deg.
-fn write_preset(node: &mut Node, index: u16, preset: i64) -> Result<f64, CommissionError> {
-    let named = object(index)?;
-    let row = named.row.ok_or(CommissionError::NoSlopes(node.id))?;
-    node.write(index, 0, &value::bytes(row.data_type, preset))?;
-    let resolution = node.resolution(&named)?;
-    Ok(value::scale(row, resolution).factor)
+fn write_preset(node: &mut Node, index: u16, preset: i64) -> Result<(), CommissionError> {
+    let row = object(index)?.row;
+    let row = row.ok_or(CommissionError::NoSlopes(node.id))?;
+    Ok(node.write(index, 0, &value::bytes(row.data_type, preset))?)
 }
 
 /// What a slope that was written reads now.

@@ -156,7 +156,7 @@ fn a_zero_counts_on_both_channels_and_outlasts_a_reset() {
     assert_eq!(after["raw"], 0);
 }
 
-/// Single readings scatter by 0.02 deg rms.
+/// A preset that is written once takes a reading that may be farther off than this.
 #[test]
 fn a_zero_had_the_noise_of_a_single_reading() {
     let bench = Bench::quick(&[]);
