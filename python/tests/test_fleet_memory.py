@@ -174,6 +174,15 @@ def test_a_question_that_needs_more_memory_than_a_page_has_is_answered(
     assert results(tmp_path / "out") == results(tmp_path / "wanted")
 
 
+def test_the_figures_of_a_page_were_refused_where_opening_them_needed_more_memory(
+    tmp_path: pathlib.Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run(tree(tmp_path / "logs", 1, 2), tmp_path / "out")
+    monkeypatch.setattr(asking, "LEAN_MB", 0.1)
+    with asking.Figures(tmp_path / "out", lean=True) as figures:
+        assert list(figures.rows("from figures"))
+
+
 def test_dask_keeps_few_of_the_messages_that_summaries_are_in() -> None:
     def length(jobs: list[bytes]) -> list[int]:
         return [len(job) for job in jobs]

@@ -74,8 +74,8 @@ class Figures:
         self._base = duckdb.connect(config=self._settings(lean))
         try:
             for name, table in tables.items():
-                self._base.execute(f"create view {name} as {table}")
-            self._base.execute(sql("views"))
+                self._run(f"create view {name} as {table}")
+            self._run(sql("views"))
             self._today = self._newest()
         except self._refusal as why:
             self.close()
@@ -84,8 +84,17 @@ class Figures:
     def _newest(self) -> str:
         """The last day of a log that counts on the day in its path, or has none there: a clock that
         is wrong must not make all other machines silent. Else the last day with data."""
-        [[newest]] = self._base.execute(NEWEST).fetchall()
+        [[newest]] = self._run(NEWEST).fetchall()
         return str(newest)
+
+    def _run(self, text: str, given: Any = None) -> Any:
+        """The answer of DuckDB to SQL, of which no row is fetched yet."""
+        try:
+            return self._base.execute(text, given)
+        except self._no_room:
+            # What can't do with files has the memory of the machine.
+            self._base.execute("reset memory_limit")
+            return self._base.execute(text, given)
 
     def _settings(self, lean: bool) -> dict[str, Any]:
         settings: dict[str, Any] = {"temp_directory": self._files.name}
@@ -104,12 +113,7 @@ class Figures:
         """The same row by row; ask no other question until all rows are taken."""
         given = self._text(question, parameters)
         with self._in_words():
-            try:
-                answer = self._base.execute(*given)
-            except self._no_room:
-                # A question that can't do with files has the memory of the machine.
-                self._base.execute("reset memory_limit")
-                answer = self._base.execute(*given)
+            answer = self._run(*given)
             names = [column[0] for column in answer.description]
         while True:
             with self._in_words():
