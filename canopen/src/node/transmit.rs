@@ -111,9 +111,11 @@ impl<T: Tpdos> Node<T> {
                 service: Service::Lss,
             });
         }
-        match self.communication.state {
-            _ if self.node_id == UNCONFIGURED => None,
-            State::Initialising => Some(Waiting {
+        // Nothing overtakes the boot-up message, not in a mailbox beside it either: it is what a
+        // master begins anew with, and forgets what came before (CiA 301 v4.2.0, 7.3.2.2).
+        match self.boot_up {
+            _ if self.node_id == UNCONFIGURED || self.boot_up == BootUp::HandedOver => None,
+            BootUp::Due => Some(Waiting {
                 cob_id: ERROR_CONTROL + u16::from(self.node_id),
                 service: Service::BootUp,
             }),
@@ -125,7 +127,6 @@ impl<T: Tpdos> Node<T> {
     fn first<A: Application>(&self, now: Instant) -> Option<Waiting> {
         let services = &self.communication;
         let state = services.state;
-        let error_control = ERROR_CONTROL + u16::from(self.node_id);
         let mut first = Waiting {
             cob_id: u16::MAX,
             service: Service::Lss,
@@ -149,9 +150,8 @@ impl<T: Tpdos> Node<T> {
         if self.server.is_pending() && state.allows_sdo() {
             waits(Some(0x580 + u16::from(self.node_id)), Service::Sdo);
         }
-        if self.boot_up == BootUp::Due {
-            waits(Some(error_control), Service::BootUp);
-        } else if services.error_control.is_due(now) {
+        if services.error_control.is_due(now) {
+            let error_control = ERROR_CONTROL + u16::from(self.node_id);
             waits(Some(error_control), Service::ErrorControl);
         }
         (first.cob_id != u16::MAX).then_some(first)

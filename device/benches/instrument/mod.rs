@@ -115,7 +115,11 @@ impl Instrument {
             },
         };
         instrument.with(|node, objects| node.start(objects, NODE_ID, Instant(0)));
-        instrument.with(|node, objects| node.transmit(objects, Instant(0)));
+        instrument.with(|node, objects| {
+            if let Some(boot_up) = node.transmit(objects, Instant(0)) {
+                node.sent(objects, &boot_up, Instant(0));
+            }
+        });
         instrument
     }
 

@@ -213,7 +213,12 @@ impl Findings {
             } else {
                 measures
             };
-            let found = against.is_some_and(|against| !against.told);
+            // A channel that measures and has no angle yet starts, be it for long: what is held
+            // here makes it start again and again.
+            let found = against.is_some_and(|against| {
+                let starts = measures && against.reason.is_transient();
+                !against.told && !starts
+            });
             if found || differs && faulty.explains() {
                 faulty.sound_us = 0;
             } else if sound {

@@ -95,8 +95,13 @@ impl RateCheck {
     };
 }
 
-/// Pairs farther apart are not compared, us: the housing may have turned right round.
-const LONGEST_US: u32 = 250_000;
+/// Pairs farther apart are not compared, us: two sound gyroscopes may differ by more than an angle
+/// of [`Turned`] can show.
+const LONGEST_US: u32 = 2_000_000;
+
+/// Pairs farther apart show nothing of gravity, us: the housing may have turned by more than such
+/// an angle can show.
+const LONGEST_OF_GRAVITY_US: u32 = 250_000;
 
 /// What is remembered.
 #[derive(Clone, Copy, Debug, Default)]
@@ -184,6 +189,10 @@ impl RateCheck {
         let uncertainty = self.uncertainty(&mut state.fastest, &rate, a.scale_share, elapsed_us);
         let residual = &mut state.residual;
         found.differ = (self.residual).take(residual, difference, uncertainty, shaken, elapsed_us);
+        if elapsed_us > LONGEST_OF_GRAVITY_US {
+            state.gravity.restart();
+            return found;
+        }
         // What the estimator finds during a dispute may come from the fault, or from no more than
         // the moment since it began anew.
         let learns = !(found.differ || state.gravity.is_disputed());

@@ -124,3 +124,24 @@ fn a_long_disagreement_ended_the_patience_with_a_start() {
         assert!(matches!(late, Judgement::NoChannel(_)), "{late:?}");
     }
 }
+
+/// A channel that is held faulty begins anew again and again as well. After 30 s of that the time
+/// without a vertical was held against it, which made it begin anew: it never came back.
+#[test]
+fn a_fault_of_half_a_minute_ended_the_patience_with_a_start() {
+    let sound = following(level());
+    let mut bench = Bench::that_forgives(1);
+    lasts(&mut bench, [following(loud(160)), sound], 0.5);
+    for second in 0..45 {
+        let told = lasts(&mut bench, [starting(loud(160)), sound], 1.0);
+        assert_eq!(told, faulty(Member::Own, Invalid::Noise), "{second} s");
+    }
+    // Its cause is gone, and a start of the estimator counts as sound again.
+    lasts(&mut bench, [starting(level()), sound], 0.6);
+    let CrossCheck::Product(_, state, _) = &bench.check else {
+        panic!("the product's check");
+    };
+    let sound_us = state.findings().own_sound_us();
+    assert!(sound_us.is_some_and(|us| us > 400_000), "{sound_us:?}");
+    assert_eq!(lasts(&mut bench, [sound, sound], 1.0), Judgement::Agree);
+}

@@ -154,6 +154,37 @@ fn a_bias_about_any_axis_is_told_at_once_and_its_channel_named_while_it_swings()
     }
 }
 
+/// Nothing was compared with SYNCs of more than 250 ms. A turn of more than 45 deg between two
+/// pairs, which one channel alone cannot tell, is no difference.
+#[test]
+fn a_bias_was_not_told_where_pairs_were_far_apart() {
+    for pairs in [13, 25, 50, 100] {
+        for (dps, within) in [(0.0, None), (2.0, Some(2)), (0.5, Some(20))] {
+            let mut housing = Housing::new();
+            let differs = |judged: u32, swing: f64, error: f64, housing: &mut Housing| {
+                let mut errors = [[0.0; 3]; 2];
+                errors[1][0] = error;
+                let swing = if judged % 7 < 4 { swing } else { -0.9 * swing };
+                for _ in 1..pairs {
+                    housing.observe(swing, errors, [[0.0; 3]; 2]);
+                }
+                let [own, peer] = &housing.observe(swing, errors, [[0.0; 3]; 2]);
+                let elapsed_us = pairs * SYNC_US;
+                let (check, state) = (&housing.check, &mut housing.state);
+                let found = check.step(state, [own, peer], (false, false), elapsed_us);
+                assert_eq!((found.loud, found.contradicts), (None, None));
+                found.differ
+            };
+            let healthy = (0..100).all(|judged| !differs(judged, 120.0, 0.0, &mut housing));
+            assert!(healthy, "{pairs}");
+            let told = (0..100).position(|judged| differs(judged, 20.0, dps, &mut housing));
+            let told = told.map(|judged| judged + 1);
+            assert_eq!(told.is_some(), within.is_some(), "{pairs} {dps}: {told:?}");
+            assert!(told <= within, "{pairs} {dps}: {told:?}");
+        }
+    }
+}
+
 #[test]
 fn a_rate_about_gravity_itself_is_not_named_while_the_housing_stands() {
     for node in [0, 1] {
@@ -262,7 +293,11 @@ fn turns_and_accelerations_at_their_ends_overflow_nothing() {
         });
         let [own, peer] = &observed;
         let differ = pair % 1000 > 600;
-        let _ = check.step(&mut state, [own, peer], (differ, false), LONGEST_US);
+        let elapsed_us = match pair % 2000 {
+            ..1000 => LONGEST_OF_GRAVITY_US,
+            _ => LONGEST_US,
+        };
+        let _ = check.step(&mut state, [own, peer], (differ, false), elapsed_us);
     }
     // Both were wide apart all the time.
     let wide = [f64::from(u32::MAX) as i64; 3];
