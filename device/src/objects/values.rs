@@ -140,7 +140,9 @@ impl Values {
     }
 
     /// Puts into the exchange what the peer is to have: a channel that is held faulty reports
-    /// that instead of an angle.
+    /// that instead of an angle, also between two samples and while it looks for its vertical. Else
+    /// the peer would compare what is behind that with its own, and differ. Any other reason goes
+    /// as it is: it may be what the channel is faulty for next.
     pub fn tell(
         &mut self,
         observation: &Observation,
@@ -148,8 +150,12 @@ impl Values {
         shown: Presentation,
         at: Instant,
     ) {
+        let measures = matches!(
+            observation.reading.x,
+            Ok(_) | Err(Invalid::NoSample | Invalid::Settling)
+        );
         let told = match own_fault {
-            Some(reason) if observation.reading.x.is_ok() => &observation.refused(reason),
+            Some(reason) if measures => &observation.refused(reason),
             _ => observation,
         };
         self.process.sent = exchange::encode(told, shown, at);
