@@ -189,3 +189,10 @@ fn product_and_paper_have_no_gyroscope_to_calibrate() {
         assert_eq!(bench.calibrate_gyroscopes(), Ok(None));
     }
 }
+
+/// Its node stores what it has found while PDOs wait: they have gone out when the erase of a page
+/// ends, and are too old.
+#[test]
+fn a_frame_that_went_out_during_a_standstill_was_taken_back_after_it() {
+    all_pass([22489]);
+}

@@ -188,4 +188,24 @@ mod tests {
         values.latch(nothing, None, Presentation::AS_MEASURED, Instant(20_000));
         assert_eq!(values.process.sent.activity, Activity::NONE.0);
     }
+
+    #[test]
+    fn a_channel_that_is_held_faulty_told_that_it_settles() {
+        let told = |found: Invalid, held: Option<Invalid>| {
+            let mut values = Values::new();
+            let observation = Observation::absent(found);
+            values.tell(&observation, held, Presentation::AS_MEASURED, Instant(0));
+            let quality = values.process.sent.quality;
+            assert_eq!(quality[0], quality[1]);
+            exchange::reason(quality[0])
+        };
+        for found in [Invalid::NoSample, Invalid::Settling] {
+            assert_eq!(told(found, Some(Invalid::Stuck)), Some(Invalid::Stuck));
+            assert_eq!(told(found, None), Some(found));
+        }
+        // A lost set-up behind samples that stopped is what the channel is faulty for next.
+        for found in [Invalid::Stale, Invalid::PartReset, Invalid::OverRange] {
+            assert_eq!(told(found, Some(Invalid::Stuck)), Some(found));
+        }
+    }
 }

@@ -68,7 +68,9 @@ impl Transmitter for Controller<'_> {
 
     fn abort(&mut self, place: u8) -> Abort {
         let mailbox = Mailbox::ALL[usize::from(place)];
-        match self.bus.abort(self.port, mailbox) {
+        // It has gone out during a standstill, of which the node has still to be told.
+        let is_out = self.bus.waiting(self.port, mailbox).is_none();
+        match !is_out && self.bus.abort(self.port, mailbox) {
             true => Abort::Done,
             false => Abort::Later,
         }
@@ -401,10 +403,13 @@ impl NetworkNode {
     }
 
     /// A frame that was to be taken back when it was on the wire, and was not sent, is no longer
-    /// in its mailbox.
+    /// in its mailbox. Nor is one that was sent during a standstill, of which the node has still
+    /// to be told.
     fn give_up(&mut self, bus: &Bus, now: Instant) {
         for (place, mailbox) in (0..).zip(Mailbox::ALL) {
-            if self.mailboxes.is_leaving(place) && bus.waiting(self.port, mailbox).is_none() {
+            let is_out = bus.waiting(self.port, mailbox).is_none();
+            let is_sent = self.standstill.has_sent(mailbox.number());
+            if self.mailboxes.is_leaving(place) && is_out && !is_sent {
                 self.mailboxes.given_up(place, &mut self.device, now);
             }
         }

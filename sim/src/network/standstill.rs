@@ -98,6 +98,12 @@ impl Standstill {
         std::mem::take(&mut self.lost)
     }
 
+    /// True while the node has still to be told that the frame in this mailbox has gone out.
+    pub(super) fn has_sent(&self, mailbox: usize) -> bool {
+        let is_it = |held: &Held| matches!(held, Held::Sent(of, _) if *of == mailbox);
+        self.held.iter().any(is_it)
+    }
+
     /// The next thing that has waited; nothing while it stands still.
     pub(super) fn next(&mut self) -> Option<Held> {
         match self.until_ns {
@@ -146,5 +152,17 @@ mod tests {
         standstill.end();
         assert_eq!(standstill.next(), Some(received(0x181)));
         assert_eq!(standstill.next(), Some(Held::Edge(60)));
+    }
+
+    #[test]
+    fn a_frame_that_went_out_meanwhile_was_taken_for_one_that_was_given_up() {
+        let mut standstill = Standstill::default();
+        standstill.begin(40);
+        let sent = Held::Sent(1, Frame::data_frame(0x181, &[]));
+        assert!(standstill.takes(sent, 1));
+        standstill.end();
+        assert!(standstill.has_sent(1) && !standstill.has_sent(0));
+        assert_eq!(standstill.next(), Some(sent));
+        assert!(!standstill.has_sent(1));
     }
 }
