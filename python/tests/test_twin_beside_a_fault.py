@@ -39,7 +39,7 @@ def test_a_channel_never_came_back_from_a_fault_of_half_a_minute(fault: str) -> 
     twin.say(f"fault a {fault}")
     assert exchanges(twin, 45.0) == {A: (0, 7), B: (3, 8)}
     twin.say("heal a")
-    assert exchanges(twin, 20.0) == {A: (3, 1), B: (3, 1)}
+    assert exchanges(twin, 8.0) == {A: (3, 1), B: (3, 1)}
 
 
 def turning(twin: plumb.Twin, seconds: float) -> list[tuple[int, int]]:

@@ -114,6 +114,7 @@ impl<T: Tpdos> Node<T> {
         // Nothing overtakes the boot-up message, not in a mailbox beside it either: it is what a
         // master begins anew with, and forgets what came before (CiA 301 v4.2.0, 7.3.2.2).
         match self.boot_up {
+            // Both in one arm: the image is smaller.
             _ if self.node_id == UNCONFIGURED || self.boot_up == BootUp::HandedOver => None,
             BootUp::Due => Some(Waiting {
                 cob_id: ERROR_CONTROL + u16::from(self.node_id),
